@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One simulation, described completely: point of flight, wings, air, numerics and length of the run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from cwmav_common.errors import InputError
+from cwmav_common.settings import from_mapping, override, read_yaml, setting, to_mapping
+from cwmav_sim.fingerprint import solver_fingerprint
+from cwmav_sim.kinematics import Kinematics
+from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Resolution, Shifting
+from cwmav_sim.wing.geometry import WingPlanform
+from cwmav_sim.wing.prescribed import Attitude, ClappingWings
+from cwmav_sim.wing.sheet import FloatArray
+
+GRAVITY = 9.81
+_PHASES = 24
+
+
+@dataclass(frozen=True)
+class Run:
+    """How long to simulate and what to average."""
+
+    cycles: int = setting(4, "flapping cycles at least", ge=1, le=200)
+    discard: int = setting(2, "leading cycles left out of the means", ge=0, le=100)
+    cycles_max: int = setting(4, "flapping cycles at most, run while not yet periodic", ge=1, le=400)
+    periodic_within: float = setting(
+        0.02, "allowed change between the last two cycle means, over the mean force", gt=0, le=0.5
+    )
+    flapping: bool = setting(True, "False holds the wings still in the middle of their stroke")
+
+
+@dataclass(frozen=True)
+class Case:
+    """Everything a run depends on; equal cases give equal results.
+
+    Angles and frequencies are in the units people type; :attr:`angle_of_attack` gives radians.
+    """
+
+    preset: str = setting("default", "name of the preset the settings started from")
+    flapping_frequency: float = setting(16.0, "flapping frequency F", unit="Hz", ge=4, le=30)
+    angle_of_attack_deg: float = setting(
+        15.0, "angle of attack AoA, body axis to wind", unit="deg", ge=-10, le=60
+    )
+    airspeed: float = setting(3.5, "forward velocity U", unit="m/s", ge=0, le=6)
+    kinematics: Kinematics = field(default_factory=Kinematics)
+    wing: WingPlanform = field(default_factory=WingPlanform)
+    flow: FlowSettings = field(default_factory=FlowSettings)
+    run: Run = field(default_factory=Run)
+
+    def __post_init__(self) -> None:
+        _check_cycles(self.run)
+        _check_clap_gap(self)
+        _check_box(self)
+
+    @property
+    def angle_of_attack(self) -> float:
+        """Angle of attack [rad]."""
+        return math.radians(self.angle_of_attack_deg)
+
+    @property
+    def copies(self) -> int:
+        """How often the simulated wings count: 2 in a half model."""
+        return 2 if self.flow.box.symmetric else 1
+
+    def at(self, flapping_frequency: float, angle_of_attack_deg: float, airspeed: float) -> Case:
+        """Return the same case at another point of flight.
+
+        Raises
+        ------
+        InputError
+            When the point lies outside 4..30 Hz, -10..60 deg, 0..6 m/s.
+        """
+        values = to_mapping(self) | {
+            "flapping_frequency": flapping_frequency,
+            "angle_of_attack_deg": angle_of_attack_deg,
+            "airspeed": airspeed,
+        }
+        return from_mapping(Case, values, "operating point")
+
+    def motion(self) -> ClappingWings:
+        """Return the wings of this case in motion."""
+        attitude = Attitude(self.flapping_frequency, self.angle_of_attack, self.airspeed)
+        return ClappingWings(
+            self.wing,
+            self.kinematics,
+            attitude,
+            spacing=self.flow.resolution.dp / self.wing.nodes_per_spacing,
+            half=self.flow.box.symmetric,
+            moving=self.run.flapping,
+        )
+
+    def address(self) -> str:
+        """Return the content address: a hash of all settings and of the solver that would run them.
+
+        The preset's name is left out, since it changes nothing that is not in the settings.
+        """
+        content = to_mapping(self)
+        del content["preset"]
+        text = json.dumps([solver_fingerprint(), content], sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def presets() -> tuple[str, ...]:
+    """Return the names of the presets."""
+    return tuple(_PRESETS)
+
+
+def preset(name: str) -> Case:
+    """Return a preset at its default operating point.
+
+    ``smoke`` (12 mm) and ``coarse`` (8 mm) are half models for plain computers, ``default`` (4 mm) is the
+    same physics at the resolution of the paper, ``paper`` holds the values of the paper's Table 2.
+
+    Raises
+    ------
+    InputError
+        For a name that is not a preset.
+    """
+    if name not in _PRESETS:
+        raise InputError(f"preset '{name}' is unknown; allowed: {', '.join(_PRESETS)}")
+    return replace(_PRESETS[name], preset=name)
+
+
+def load_case(path: str | Path) -> Case:
+    """Read a case from a YAML file; keys that are absent come from the preset it names."""
+    return from_dict(read_yaml(path), source=str(path))
+
+
+def from_dict(values: Mapping[str, Any], source: str = "case") -> Case:
+    """Build a case from nested plain values over the preset named in them."""
+    base = preset(str(values.get("preset", "default")))
+    return from_mapping(Case, _merged(to_mapping(base), values), source)
+
+
+def dump_case(case: Case, path: str | Path) -> None:
+    """Write every setting of a case as YAML."""
+    Path(path).write_text(yaml.safe_dump(to_mapping(case), sort_keys=False), encoding="utf-8")
+
+
+def with_overrides(case: Case, assignments: Iterable[str]) -> Case:
+    """Apply ``key=value`` assignments such as ``flow.resolution.dp=0.006``."""
+    return override(case, assignments)
+
+
+def _merged(base: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Overlay nested values on a base; unknown keys are kept so that validation names them."""
+    out = dict(base)
+    for key, value in values.items():
+        nested = isinstance(out.get(key), dict) and isinstance(value, Mapping)
+        out[key] = _merged(out[key], value) if nested else value
+    return out
+
+
+def paper_sound_speed(depth: float) -> float:
+    """Return the artificial speed of sound of the paper's Table 2, 20 sqrt(g h_d) [m/s]."""
+    return 20.0 * math.sqrt(GRAVITY * depth)
+
+
+def clap_gap(case: Case) -> float:
+    """Return the distance between the leading edges at 0.7 of the wing length at the clap [m]."""
+    return 1.4 * case.wing.length * math.sin(case.kinematics.clap_half_gap)
+
+
+def swept_extent(case: Case) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest coordinates the wings reach in a cycle [m], shape (3,) each."""
+    motion = case.motion()
+    period = 1.0 / case.flapping_frequency
+    start = case.kinematics.ramp_cycles * period
+    states = [motion.state(start + k * period / _PHASES).x for k in range(_PHASES)]
+    return np.min([x.min(axis=0) for x in states], axis=0), np.max([x.max(axis=0) for x in states], axis=0)
+
+
+def _check_cycles(run: Run) -> None:
+    if run.discard >= run.cycles:
+        raise InputError(
+            f"run.discard is {run.discard}; allowed: less than run.cycles, which is {run.cycles}"
+        )
+    if run.cycles_max < run.cycles:
+        raise InputError(
+            f"run.cycles_max is {run.cycles_max}; allowed: at least run.cycles, which is {run.cycles}"
+        )
+
+
+def _check_clap_gap(case: Case) -> None:
+    dp, gap = case.flow.resolution.dp, clap_gap(case)
+    if case.run.flapping and gap < dp:
+        least = math.degrees(math.asin(min(1.0, dp / (1.4 * case.wing.length))))
+        raise InputError(
+            f"kinematics.clap_half_gap_deg is {case.kinematics.clap_half_gap_deg:g} deg, a gap of "
+            f"{1e3 * gap:.1f} mm at 70 % span; allowed: at least one particle spacing "
+            f"({1e3 * dp:g} mm), that is {least:.2f} deg"
+        )
+
+
+def _check_box(case: Case) -> None:
+    box, margin = case.flow.box, 2.0 * case.flow.resolution.dp
+    low, high = swept_extent(case)
+    side = 0.5 * box.width - margin
+    limits_low = np.array([-box.upstream + margin, -side, -0.5 * box.height + margin])
+    end = box.length - box.upstream - case.flow.fringe.width
+    limits_high = np.array([end - margin, side, 0.5 * box.height - margin])
+    for axis, name in enumerate("xyz"):
+        if low[axis] < limits_low[axis] or high[axis] > limits_high[axis]:
+            raise InputError(
+                f"flow.box: the wings reach {name} = {low[axis]:.3f} .. {high[axis]:.3f} m; allowed (two "
+                f"spacings clear of faces and fringe): {limits_low[axis]:.3f} .. {limits_high[axis]:.3f} m"
+            )
+
+
+def _flow(dp: float, **changes: Any) -> FlowSettings:
+    return replace(FlowSettings(resolution=Resolution(dp=dp)), **changes)
+
+
+def _paper() -> Case:
+    # The fluid depth h_d is not stated; a box of half a metre holds the 2.1 million particles of the paper.
+    sound = paper_sound_speed(0.5)
+    fluid = Fluid(
+        density=1.34, viscosity=1.48e-5, sound_speed=sound, mach_limit=0.5, gamma=7.0, diffusion=0.1
+    )
+    box = Box(length=0.512, width=0.512, height=0.512, upstream=0.15, symmetric=False)
+    flow = _flow(0.004, fluid=fluid, box=box, shifting=Shifting(coefficient=0.0))
+    return Case(flow=flow)
+
+
+# Gaps between the wings below two spacings are not resolved (the particles there act as a cushion), so the
+# coarse presets clap with a wider gap: two spacings at 70 % span, as 2.5 deg gives at 4 mm.
+_PRESETS: dict[str, Case] = {
+    "smoke": Case(kinematics=Kinematics(clap_half_gap_deg=7.0), flow=_flow(0.012)),
+    "coarse": Case(kinematics=Kinematics(clap_half_gap_deg=4.7), flow=_flow(0.008)),
+    "default": Case(flow=_flow(0.004)),
+    "paper": _paper(),
+}

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The identity of the solver: a hash of the source that decides its numbers.
+
+Comments, docstrings and blank lines do not count, so explaining the code better does not invalidate
+stored results; any other change does.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from functools import cache
+from pathlib import Path
+
+_NUMERICS = ("sph", "wing", "solver.py", "kinematics.py", "taylor.py", "gauges.py")
+
+
+@cache
+def solver_fingerprint() -> str:
+    """Return twelve hexadecimal digits that change when the numerics change."""
+    root = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in _sources(root):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(significant_source(path.read_text(encoding="utf-8")).encode())
+    return digest.hexdigest()[:12]
+
+
+def _sources(root: Path) -> list[Path]:
+    found: list[Path] = []
+    for name in _NUMERICS:
+        path = root / name
+        found += sorted(path.rglob("*.py")) if path.is_dir() else [path] if path.exists() else []
+    return found
+
+
+def significant_source(text: str) -> str:
+    """Return the lines of a module without docstrings, comment lines, blank lines and trailing space."""
+    skipped: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and _is_docstring(body[0]):
+            skipped.update(range(body[0].lineno, (body[0].end_lineno or body[0].lineno) + 1))
+    lines = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        bare = line.rstrip()
+        if number not in skipped and bare and not bare.lstrip().startswith("#"):
+            lines.append(bare)
+    return "\n".join(lines)
+
+
+def _is_docstring(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
