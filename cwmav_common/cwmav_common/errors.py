@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two ways a program of the suite ends other than well.
 
-Every expected failure is one of these; the command line turns them into an exit status and one line on
-standard error, a node into ``success: false`` with a message. Anything else is a defect and shows a traceback.
+Every expected failure is one of these. The command line turns them into an exit status and one line on
+standard error, a node into ``success: false`` with a message. Anything else is a defect, with a traceback.
 """
 
 
