@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hyperparameters by maximum likelihood, with analytic gradient and seeded multi-start.
+
+The trend coefficients are always concentrated out (Eq. 17). So is the process variance when the responses
+are exact; with noise of known variance it does not factor out and becomes one more variable of the search.
+
+All lengths are in units of the scaled samples, so the bounds hold for every problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack, qr
+from scipy.optimize import minimize
+from scipy.stats import qmc
+
+from cwmav_rbdo.correlation import Correlation
+from cwmav_rbdo.universal_kriging import inverse_factor
+
+Array = NDArray[np.float64]
+
+LENGTH_BOUNDS = (1e-2, 1e2)
+"""Shortest and longest length scale, in units of the range of the samples."""
+START_BOUNDS = (5e-2, 5.0)
+VARIANCE_BOUNDS = (1e-6, 1e4)
+NUGGET_BOUNDS = (1e-12, 1.0)
+
+SCREENING_PER_VARIABLE = 10
+ITERATIONS = 100
+
+
+@dataclass(frozen=True)
+class Hyperparameters:
+    """Maximiser of the likelihood."""
+
+    length_scale: Array
+    process_variance: float | None
+    """Only with noise; without it Eq. 17's companion gives it in closed form."""
+    nugget: float
+    log_likelihood: float
+
+
+class Likelihood:
+    """Profile log-likelihood of one data set as a function of the logarithms of the hyperparameters.
+
+    Parameters
+    ----------
+    correlation : Correlation
+    X : (n, d) array
+    f : (n,) array
+    H : (n, p) array
+        Trend regressors.
+    noise : (n,) array
+        Noise variances; the process variance is searched when any is positive.
+    nugget : float or None
+        Fixed nugget, or None to search it.
+    """
+
+    def __init__(
+        self, correlation: Correlation, X: Array, f: Array, H: Array, noise: Array, nugget: float | None
+    ) -> None:
+        n, d = X.shape
+        self.correlation, self.f, self.H, self.noise = correlation, f, H, noise
+        self.noisy = bool(np.any(noise > 0.0))
+        self.fixed_nugget = nugget
+        self._lower = np.tril_indices(n, -1)
+        differences = X[self._lower[0]] - X[self._lower[1]]
+        self._squared = np.ascontiguousarray((differences**2).T)
+        self.bounds = [(np.log(LENGTH_BOUNDS[0]), np.log(LENGTH_BOUNDS[1]))] * d
+        if self.noisy:
+            self.bounds.append((np.log(VARIANCE_BOUNDS[0]), np.log(VARIANCE_BOUNDS[1])))
+        if nugget is None:
+            self.bounds.append((np.log(NUGGET_BOUNDS[0]), np.log(NUGGET_BOUNDS[1])))
+        self.dimension = d
+
+    def unpack(self, p: Array) -> tuple[Array, float, float]:
+        """Split the search vector into length scales, process variance (1 when exact) and nugget."""
+        values = np.exp(p)
+        variance = float(values[self.dimension]) if self.noisy else 1.0
+        nugget = float(values[-1]) if self.fixed_nugget is None else self.fixed_nugget
+        return values[: self.dimension], variance, nugget
+
+    def __call__(self, p: Array) -> tuple[float, Array]:
+        """Negative log-likelihood per sample and its gradient."""
+        length, variance, nugget = self.unpack(p)
+        n = len(self.f)
+        s = (1.0 / length**2) @ self._squared
+        r = self.correlation.value(s)
+        R = np.zeros((n, n))
+        R[self._lower] = r
+        relative_noise = self.noise / variance
+        R[np.diag_indices(n)] = 1.0 + nugget + relative_noise
+        try:
+            L_inv, _ = inverse_factor(R)
+        except np.linalg.LinAlgError:
+            return 1e10, np.zeros(len(p))
+        F = L_inv @ self.H
+        whitened = L_inv @ self.f
+        Q, _ = qr(F, mode="economic", check_finite=False)
+        residual = whitened - Q @ (Q.T @ whitened)
+        q = max(float(residual @ residual), np.finfo(float).tiny)
+        if not self.noisy:
+            variance = q / n
+        log_det = -2.0 * float(np.sum(np.log(np.diag(L_inv))))
+        value = 0.5 * (n * np.log(2.0 * np.pi * variance) + log_det + q / variance)
+        return value / n, self._gradient(L_inv, residual, s, r, length, variance, nugget, relative_noise) / n
+
+    def _gradient(
+        self,
+        L_inv: Array,
+        residual: Array,
+        s: Array,
+        r: Array,
+        length: Array,
+        variance: float,
+        nugget: float,
+        relative_noise: Array,
+    ) -> Array:
+        n = len(self.f)
+        R_inv, _ = lapack.dlauum(L_inv, lower=1)
+        gamma = L_inv.T @ residual
+        # W holds dlogL/dR: gamma gamma' / sigma^2 - R^-1, of which the lower triangle is enough.
+        W = gamma[self._lower[0]] * gamma[self._lower[1]]
+        W /= variance
+        W -= R_inv[self._lower]
+        W *= self.correlation.slope(s, r)
+        # The sum over i < j counts every pair once: the factor 1/2 of the likelihood cancels.
+        parts = [(-2.0 / length**2) * (self._squared @ W)]
+        diagonal = gamma**2 / variance - np.diag(R_inv)
+        if self.noisy:
+            q = float(residual @ residual)
+            parts.append(np.array([-0.5 * (n - q / variance) - 0.5 * float(diagonal @ relative_noise)]))
+        if self.fixed_nugget is None:
+            parts.append(np.array([0.5 * nugget * float(diagonal.sum())]))
+        return -np.concatenate(parts)
+
+    def starts(self, rng: np.random.Generator, count: int) -> Array:
+        """Best of a screened Latin hypercube in the logarithms; (count, number of hyperparameters)."""
+        low = [np.log(START_BOUNDS[0])] * self.dimension
+        high = [np.log(START_BOUNDS[1])] * self.dimension
+        if self.noisy:
+            low.append(np.log(0.1))
+            high.append(np.log(10.0))
+        if self.fixed_nugget is None:
+            low.append(np.log(1e-8))
+            high.append(np.log(1e-1))
+        screened = max(count, SCREENING_PER_VARIABLE * len(low))
+        points = qmc.scale(qmc.LatinHypercube(len(low), rng=rng).random(screened), low, high)
+        values = np.array([self(p)[0] for p in points])
+        return points[np.argsort(values, kind="stable")[:count]]
+
+
+def maximise(likelihood: Likelihood, starts: Array) -> Hyperparameters:
+    """Climb from every start with L-BFGS-B and return the best end.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+    starts : (k, number of hyperparameters) array
+    """
+    best_value, best_point = np.inf, starts[0]
+    for start in starts:
+        found = minimize(
+            likelihood,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=likelihood.bounds,
+            options={"maxiter": ITERATIONS, "ftol": 1e-9, "gtol": 1e-6},
+        )
+        if found.fun < best_value:
+            best_value, best_point = float(found.fun), found.x
+    length, variance, nugget = likelihood.unpack(best_point)
+    return Hyperparameters(
+        length, variance if likelihood.noisy else None, nugget, -best_value * len(likelihood.f)
+    )
