@@ -12,7 +12,17 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-_NUMERICS = ("sph", "wing", "solver.py", "kinematics.py", "taylor.py", "gauges.py")
+# Every module that a run with prescribed wings executes; a new kind of wing adds its own here.
+_NUMERICS = (
+    "sph",
+    "wing/sheet.py",
+    "wing/geometry.py",
+    "wing/prescribed.py",
+    "solver.py",
+    "kinematics.py",
+    "taylor.py",
+    "gauges.py",
+)
 
 
 @cache

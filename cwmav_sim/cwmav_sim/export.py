@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of one run: result, history, settings, and VTK time series that ParaView opens."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any, Protocol
+from xml.sax.saxutils import quoteattr
+
+import meshio  # type: ignore[import-untyped]
+import numpy as np
+
+from cwmav_common.cli import to_json
+from cwmav_common.errors import WorkError
+from cwmav_sim.case import Case, dump_case
+from cwmav_sim.gauges import History
+from cwmav_sim.result import LiftResult
+from cwmav_sim.wing.sheet import FloatArray, SheetMotion
+
+
+class ParticleView(Protocol):
+    """What a snapshot reads from a solver; arrays of n particles."""
+
+    time: float
+    position: FloatArray  # (n, 3) m
+    velocity: FloatArray  # (n, 3) m/s
+    density: FloatArray  # (n,) kg/m3
+    pressure: FloatArray  # (n,) Pa
+
+
+def write_run(folder: Path, case: Case, result: LiftResult) -> None:
+    """Write ``result.json``, ``history.csv`` and ``config.yaml`` into a folder.
+
+    Raises
+    ------
+    WorkError
+        When the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "result.json").write_text(to_json(result.to_json()) + "\n", encoding="utf-8")
+        dump_case(case, folder / "config.yaml")
+        if result.history is not None:
+            write_history(result.history, case.motion().panel_names, folder / "history.csv")
+    except OSError as error:
+        raise WorkError(f"{folder}: the run cannot be written ({error})") from None
+
+
+def write_history(history: History, panels: tuple[str, ...], path: Path) -> None:
+    """Write forces against time as CSV: vehicle totals, then pressure and viscous part of every panel."""
+    columns = ["time_s", "lift_n", "drag_n", "power_w"]
+    data = [history.time, history.lift(), history.drag(), history.total_power()]
+    for number, panel in enumerate(panels):
+        for part, force in (("pressure", history.pressure), ("viscous", history.viscous)):
+            for axis, name in enumerate("xyz"):
+                columns.append(f"{panel}_{part}_{name}_n")
+                data.append(force[:, number, axis])
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows([f"{value:.8g}" for value in row] for row in np.column_stack(data))
+
+
+class Snapshots:
+    """VTK files of wings and particles at equal intervals, indexed by two ``.pvd`` files.
+
+    Parameters
+    ----------
+    folder : Path
+        Receives ``wings.pvd``, ``particles.pvd`` and the folder ``vtk``.
+    case : Case
+        The run.
+    per_cycle : int
+        Snapshots in every flapping cycle.
+    """
+
+    def __init__(self, folder: Path, case: Case, per_cycle: int) -> None:
+        self._folder = folder
+        self._motion = case.motion()
+        self._interval = 1.0 / (per_cycle * case.flapping_frequency)
+        self._times: list[float] = []
+        (folder / "vtk").mkdir(parents=True, exist_ok=True)
+
+    def __call__(self, view: ParticleView) -> None:
+        """Write a snapshot when the next one is due."""
+        if view.time < len(self._times) * self._interval:
+            return
+        number = len(self._times)
+        self._times.append(view.time)
+        wing_mesh(self._motion, view.time).write(self._path("wings", number))
+        particle_mesh(view).write(self._path("particles", number))
+        for name in ("wings", "particles"):
+            self._write_index(name)
+
+    def _path(self, name: str, number: int) -> Path:
+        return self._folder / "vtk" / f"{name}_{number:04d}.vtu"
+
+    def _write_index(self, name: str) -> None:
+        entries = [
+            f'    <DataSet timestep="{time:.9g}" file={quoteattr(f"vtk/{name}_{number:04d}.vtu")}/>'
+            for number, time in enumerate(self._times)
+        ]
+        text = ['<VTKFile type="Collection" version="0.1">', "  <Collection>", *entries]
+        text += ["  </Collection>", "</VTKFile>", ""]
+        (self._folder / f"{name}.pvd").write_text("\n".join(text), encoding="utf-8")
+
+
+def wing_mesh(motion: SheetMotion, time: float) -> Any:
+    """Return the wings at one instant as a mesh with panel numbers and velocities."""
+    state = motion.state(time)
+    return meshio.Mesh(
+        state.x,
+        [("triangle", motion.triangles)],
+        point_data={"velocity": state.v, "acceleration": state.a},
+        cell_data={"panel": [motion.panel]},
+    )
+
+
+def particle_mesh(view: ParticleView) -> Any:
+    """Return the particles as a mesh of points with velocity, density and pressure."""
+    count = len(view.position)
+    return meshio.Mesh(
+        view.position,
+        [("vertex", np.arange(count).reshape(-1, 1))],
+        point_data={"velocity": view.velocity, "density": view.density, "pressure": view.pressure},
+    )

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results kept by content: nothing is computed twice, and no stale number is served.
+
+The address of a case is a hash of all its settings and of the solver's source, so a change of either
+misses the store instead of finding an old result.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+from cwmav_common.cli import to_json
+from cwmav_common.errors import InputError, WorkError
+from cwmav_common.settings import to_mapping
+from cwmav_sim.case import Case
+from cwmav_sim.result import LiftResult
+
+
+class ResultStore:
+    """A folder of results, one JSON file per case.
+
+    Parameters
+    ----------
+    path : path
+        The folder; made when the first result is put.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    def get(self, case: Case) -> LiftResult | None:
+        """Return the result of a case, or None when there is none of this solver.
+
+        Raises
+        ------
+        InputError
+            When the stored file is damaged.
+        """
+        path = self._file(case.address())
+        if not path.exists():
+            return None
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: is no stored result ({error}); delete it to compute again") from None
+        return LiftResult.from_json(content.get("result", {}), str(path))
+
+    def put(self, case: Case, result: LiftResult) -> Path:
+        """Keep a result with its case; the file appears whole or not at all.
+
+        Raises
+        ------
+        WorkError
+            When the folder cannot be written.
+        """
+        path = self._file(case.address())
+        content = {"case": to_mapping(case), "result": result.to_json()}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(to_json(content))
+            Path(temporary).replace(path)
+        except OSError as error:
+            raise WorkError(f"{path}: the result cannot be stored ({error})") from None
+        return path
+
+    def _file(self, address: str) -> Path:
+        return self.path / address[:2] / f"{address}.json"

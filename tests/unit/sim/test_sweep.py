@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps resume, list what failed, and refuse bad tables before any work."""
+
+import csv
+
+import pytest
+
+from cwmav_common.errors import CancelledError, InputError, WorkError
+from cwmav_sim import case as cases
+from cwmav_sim.store import ResultStore
+from cwmav_sim.sweep import cases_of, read_points, sweep, write_table
+from cwmav_sim.table import read_rows
+from support.sim_results import result_for
+
+POINTS = [(8.0, 0.0, 2.0), (16.0, 15.0, 3.5), (24.0, 30.0, 5.0)]
+
+
+@pytest.fixture
+def points():
+    return cases_of(cases.preset("smoke"), POINTS)
+
+
+def test_second_sweep_computes_nothing(tmp_path, points):
+    calls = []
+
+    def simulate(case):
+        calls.append(case)
+        return result_for(case, lift=0.01 * len(calls))
+
+    first = sweep(points, ResultStore(tmp_path), simulate)
+    second = sweep(points, ResultStore(tmp_path), simulate)
+    assert len(calls) == 3
+    assert (first.computed, second.computed) == (3, 0)
+    assert first.results == second.results
+
+
+def test_interrupted_sweep_continues_where_it_stopped(tmp_path, points):
+    def stop_at_second(case):
+        if case == points[1]:
+            raise CancelledError("stopped")
+        return result_for(case, lift=0.1)
+
+    with pytest.raises(CancelledError):
+        sweep(points, ResultStore(tmp_path), stop_at_second)
+    rest = sweep(points, ResultStore(tmp_path), lambda case: result_for(case, lift=0.1))
+    assert rest.computed == 2
+
+
+def test_failed_case_is_listed_and_the_sweep_goes_on(tmp_path, points):
+    def fail_at_second(case):
+        if case == points[1]:
+            raise WorkError("the flow became undefined")
+        return result_for(case, lift=0.1)
+
+    seen = []
+    swept = sweep(points, ResultStore(tmp_path), fail_at_second, lambda k, outcome: seen.append(k))
+    assert [r.flapping_frequency for r in swept.results] == [8.0, 24.0]
+    assert swept.failed[0].reason == "the flow became undefined"
+    assert (swept.failed[0].F_hz, swept.failed[0].AoA_deg, swept.failed[0].U_m_s) == POINTS[1]
+    assert seen == [0, 1, 2]
+
+
+def test_points_are_read_by_column_name(tmp_path):
+    path = tmp_path / "cases.csv"
+    path.write_text("F_hz,U_m_s,AoA_deg,lift_experiment_n\n12,3.5,15,0.1616\n16,0.5,-10,\n")
+    assert read_points(path) == [(12.0, 15.0, 3.5), (16.0, -10.0, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("F_hz,U_m_s\n12,3.5\n", "column AoA_deg is missing"),
+        ("F_hz,U_m_s,AoA_deg\n12,fast,15\n", "line 2: U_m_s is 'fast'"),
+        ("F_hz,U_m_s,AoA_deg\n12,3.5\n", "line 2: AoA_deg"),
+        ("F_hz,U_m_s,AoA_deg\n", "no operating point"),
+        ("", "is missing"),
+    ],
+)
+def test_bad_tables_are_refused_with_the_place(tmp_path, text, message):
+    path = tmp_path / "cases.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_points(path)
+
+
+def test_missing_table_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.csv"):
+        read_points(tmp_path / "absent.csv")
+
+
+def test_point_outside_the_design_space_is_refused_before_running():
+    with pytest.raises(InputError, match="flapping_frequency"):
+        cases_of(cases.preset("smoke"), [(12.0, 15.0, 3.5), (40.0, 15.0, 3.5)])
+
+
+def test_written_table_holds_settings_and_solver_of_every_row(tmp_path, points):
+    results = [result_for(case, lift=0.1) for case in points]
+    write_table(results, tmp_path / "table.csv")
+    with (tmp_path / "table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["address"] for row in rows] == [case.address() for case in points]
+    assert {row["solver"] for row in rows} == {results[0].provenance.solver}
+    assert {row["preset"] for row in rows} == {"smoke"}
+    read = read_rows(tmp_path / "table.csv")
+    assert read.points.shape == (3, 3)
+    assert read.half_model
