@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from scipy.stats import qmc
+
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_sim.case import Case
 from cwmav_sim.result import LiftResult
@@ -73,6 +76,40 @@ def _point(row: dict[str, str], where: str) -> tuple[float, float, float]:
         except (TypeError, ValueError):
             raise InputError(f"{where}: {name} is '{row[name]}'; allowed: a number") from None
     return values["F_hz"], values["AoA_deg"], values["U_m_s"]
+
+
+def latin_hypercube(
+    count: int, rng: np.random.Generator, airspeed: float | None = None
+) -> list[tuple[float, float, float]]:
+    """Spread operating points over the design space, 4..30 Hz, -10..60 deg, 0..6 m/s.
+
+    Parameters
+    ----------
+    count : int
+        Number of points.
+    rng : numpy.random.Generator
+        Source of randomness.
+    airspeed : float, optional
+        Keep all points at this airspeed [m/s] instead.
+
+    Returns
+    -------
+    list of (frequency [Hz], angle of attack [deg], airspeed [m/s])
+        Rounded to three digits after the point, as they are written.
+    """
+    low, high = (4.0, -10.0, 0.0), (30.0, 60.0, 6.0)
+    dimensions = 3 if airspeed is None else 2
+    unit = qmc.LatinHypercube(d=dimensions, optimization="random-cd", rng=rng).random(count)
+    points = qmc.scale(unit, low[:dimensions], high[:dimensions]).round(3)
+    return [(float(p[0]), float(p[1]), float(p[2]) if airspeed is None else airspeed) for p in points]
+
+
+def write_points(points: Iterable[tuple[float, float, float]], path: str | Path) -> None:
+    """Write operating points as :func:`read_points` reads them."""
+    with Path(path).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows((f"{f:g}", f"{u:g}", f"{a:g}") for f, a, u in points)
 
 
 def cases_of(base: Case, points: Iterable[tuple[float, float, float]]) -> list[Case]:

@@ -73,6 +73,11 @@ class VerificationCase(Protocol):
         """One line saying what is tested."""
         ...
 
+    @property
+    def slow(self) -> bool:
+        """Whether it takes longer than about two minutes on two cores."""
+        ...
+
     def run(self) -> list[Check]:
         """Run the case and compare."""
         ...

@@ -3,12 +3,13 @@
 
 import csv
 
+import numpy as np
 import pytest
 
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_sim import case as cases
 from cwmav_sim.store import ResultStore
-from cwmav_sim.sweep import cases_of, read_points, sweep, write_table
+from cwmav_sim.sweep import cases_of, latin_hypercube, read_points, sweep, write_points, write_table
 from cwmav_sim.table import read_rows
 from support.sim_results import result_for
 
@@ -104,3 +105,19 @@ def test_written_table_holds_settings_and_solver_of_every_row(tmp_path, points):
     read = read_rows(tmp_path / "table.csv")
     assert read.points.shape == (3, 3)
     assert read.half_model
+
+
+def test_latin_hypercube_fills_every_slice_and_repeats_with_its_seed():
+    first = latin_hypercube(24, np.random.default_rng(5))
+    assert first == latin_hypercube(24, np.random.default_rng(5))
+    assert first != latin_hypercube(24, np.random.default_rng(6))
+    unit = (np.array(first) - [4.0, -10.0, 0.0]) / [26.0, 70.0, 6.0]
+    for column in unit.T:
+        assert len(set(np.floor(column * 24))) >= 23, "one point in each of 24 slices, to rounding"
+
+
+def test_points_at_one_airspeed_survive_their_file(tmp_path):
+    spread = latin_hypercube(7, np.random.default_rng(1), airspeed=3.0)
+    write_points(spread, tmp_path / "points.csv")
+    assert read_points(tmp_path / "points.csv") == spread
+    assert {u for _, _, u in spread} == {3.0}

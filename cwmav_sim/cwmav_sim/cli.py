@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The program ``cwmav-sim``: lift of clapping wings from the command line."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cwmav_common.cli import app, emit, main_guard, message
+from cwmav_common.errors import InputError, WorkError
+from cwmav_common.progress import Progress as Bar
+from cwmav_common.progress import progress
+from cwmav_sim import case as cases
+from cwmav_sim.case import Case
+from cwmav_sim.result import LiftResult, describe_point
+
+cli = app("cwmav-sim", "Lift of clapping wings by smoothed particle hydrodynamics.")
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+Preset = Annotated[str, typer.Option(help=f"Settings to start from: {', '.join(cases.presets())}.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", help="Change a setting, e.g. --set flow.resolution.dp=0.01.")
+]
+Device = Annotated[str, typer.Option(help="Where to compute: cpu or cuda.")]
+
+
+@cli.command()
+def run(
+    frequency: Annotated[float | None, typer.Option("-F", help="Flapping frequency [Hz], 4..30.")] = None,
+    angle: Annotated[float | None, typer.Option("-A", help="Angle of attack [deg], -10..60.")] = None,
+    airspeed: Annotated[float | None, typer.Option("-U", help="Forward velocity [m/s], 0..6.")] = None,
+    preset: Preset = "smoke",
+    case_file: Annotated[
+        Path | None, typer.Option("--case", help="Settings from a YAML file instead of a preset.")
+    ] = None,
+    assignments: Set = None,
+    device: Device = "cpu",
+    out: Annotated[Path | None, typer.Option(help="Folder for result, history, settings, snapshots.")] = None,
+    snapshots: Annotated[int, typer.Option(min=0, help="VTK snapshots per flapping cycle in --out.")] = 0,
+    picture: Annotated[Path | None, typer.Option(help="Draw lift and vorticity into this file.")] = None,
+    json: Json = False,
+) -> None:
+    """Simulate one operating point and report its mean lift."""
+    from cwmav_sim import run as running
+    from cwmav_sim.export import Snapshots
+    from cwmav_sim.picture import SliceObserver, draw
+
+    running.check_device(device)
+    case = _case(preset, case_file, assignments, (frequency, angle, airspeed))
+    if snapshots and out is None:
+        raise InputError("--snapshots needs a folder; add --out DIR")
+    observers: list[Any] = []
+    slicer = SliceObserver(case) if picture else None
+    if slicer is not None:
+        observers.append(slicer)
+    if snapshots and out is not None:
+        observers.append(Snapshots(out, case, snapshots))
+    _print_header(case)
+    with progress(case.run.cycles, describe_point(case), "cycle") as bar:
+        result = running.simulate(
+            case, on_progress=_reporter(bar), out=out, device=device, observers=observers
+        )
+    if picture is not None and slicer is not None and slicer.slice is not None:
+        draw(case, result, slicer.slice, picture)
+    emit(result.to_json(), json, _result_lines(result))
+
+
+@cli.command()
+def sweep(
+    table: Annotated[Path, typer.Argument(help="CSV file with columns F_hz, U_m_s, AoA_deg.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results; a sweep started again continues there.")],
+    preset: Preset = "smoke",
+    assignments: Set = None,
+    device: Device = "cpu",
+    json: Json = False,
+) -> None:
+    """Simulate many operating points, keeping every result as soon as it is there."""
+    from cwmav_sim import run as running
+    from cwmav_sim import sweep as sweeping
+    from cwmav_sim.store import ResultStore
+
+    running.check_device(device)
+    base = cases.with_overrides(cases.preset(preset), assignments or [])
+    points = sweeping.cases_of(base, sweeping.read_points(table))
+    out.mkdir(parents=True, exist_ok=True)
+    cases.dump_case(base, out / "config.yaml")
+    results: list[LiftResult] = []
+
+    def keep(number: int, outcome: LiftResult | sweeping.Failure) -> None:
+        if isinstance(outcome, LiftResult):
+            results.append(outcome)
+            sweeping.write_table(results, out / "sweep.csv")
+            note = f"{outcome.mean_lift:.4f} N, {outcome.wall_s:.0f} s"
+        else:
+            note = f"failed: {outcome.reason}"
+        bar.update(1, note)
+        message(f"{number + 1}/{len(points)}  {describe_point(points[number])}  {note}")
+
+    with progress(len(points), "sweep", "case") as bar:
+        swept = sweeping.sweep(
+            points, ResultStore(out / "store"), lambda c: running.simulate(c, device=device), keep
+        )
+    content = {"cases": [r.to_json() for r in swept.results], "failed": list(swept.failed)}
+    done = f"{len(swept.results)} results ({swept.computed} computed now) in {out / 'sweep.csv'}"
+    emit(content, json, [done])
+    if swept.failed:
+        raise WorkError(f"{len(swept.failed)} of {len(points)} cases failed")
+
+
+@cli.command()
+def points(
+    out: Annotated[Path, typer.Argument(help="CSV file to write, for sweep.")],
+    count: Annotated[int, typer.Option(min=2, help="Number of points.")] = 24,
+    airspeed: Annotated[float | None, typer.Option("-U", help="Keep all at this airspeed [m/s].")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the Latin hypercube.")] = 1,
+    json: Json = False,
+) -> None:
+    """Spread operating points over the design space by a Latin hypercube."""
+    import numpy as np
+
+    from cwmav_sim.sweep import COLUMNS, latin_hypercube, write_points
+
+    spread = latin_hypercube(count, np.random.default_rng(seed), airspeed)
+    write_points(spread, out)
+    rows = [dict(zip(COLUMNS, (f, u, a), strict=True)) for f, a, u in spread]
+    emit({"points": rows, "file": out}, json, [f"{count} points in {out}"])
+
+
+@cli.command()
+def verify(
+    name: Annotated[str | None, typer.Argument(help="Name of one case.")] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Run the long cases too.")] = False,
+    listing: Annotated[bool, typer.Option("--list", help="List the cases.")] = False,
+    json: Json = False,
+) -> None:
+    """Compare the solver with known answers."""
+    from cwmav_sim.verification.catalogue import catalogue, select
+
+    if listing:
+        entries = [{"name": c.name, "summary": c.summary} for c in catalogue()]
+        emit({"cases": entries}, json, [f"{e['name']:24} {e['summary']}" for e in entries])
+        return
+    checks = []
+    for entry in select(name, everything):
+        message(f"{entry.name}: {entry.summary}")
+        checks += entry.run()
+    lines = [
+        f"{'ok  ' if c.passed else 'FAIL'} {c.name:22} {c.quantity}: {c.value:.5g} against {c.reference:.5g}"
+        f" ({c.error_percent:+.2f} %, allowed {c.tolerance_percent:g} %)"
+        for c in checks
+    ]
+    emit({"cases": [c.to_json() for c in checks]}, json, lines)
+    failures = [c for c in checks if not c.passed]
+    if failures:
+        raise WorkError(f"{len(failures)} of {len(checks)} checks failed")
+
+
+@cli.command()
+def bench(
+    particles: Annotated[int, typer.Option(min=1000, help="Number of particles, about.")] = 100_000,
+    json: Json = False,
+) -> None:
+    """Measure the speed of the solver on this machine."""
+    from cwmav_sim.benchmark import measure
+
+    figures = measure(particles)
+    emit(figures.to_json(), json, figures.lines())
+
+
+def _case(
+    preset: str,
+    case_file: Path | None,
+    assignments: list[str] | None,
+    point: tuple[float | None, float | None, float | None],
+) -> Case:
+    base = cases.load_case(case_file) if case_file is not None else cases.preset(preset)
+    base = cases.with_overrides(base, assignments or [])
+    frequency, angle, airspeed = point
+    return base.at(
+        base.flapping_frequency if frequency is None else frequency,
+        base.angle_of_attack_deg if angle is None else angle,
+        base.airspeed if airspeed is None else airspeed,
+    )
+
+
+def _print_header(case: Case) -> None:
+    """Say every setting before the work starts, where a person is looking."""
+    from cwmav_sim.run import header
+
+    if sys.stderr.isatty():
+        for line in header(case):
+            message(line)
+    else:
+        logging.getLogger(__name__).debug("%s", "\n".join(header(case)))
+
+
+def _reporter(bar: Bar) -> Any:
+    def report(state: Any) -> None:
+        note = f"cycle {state.cycle} of {state.cycles}, {state.seconds_left:.0f} s left"
+        bar.advance_to(state.fraction * state.cycles, note)
+
+    return report
+
+
+def _result_lines(result: LiftResult) -> list[str]:
+    trend = ", ".join(f"{value:.4f}" for value in result.cycle_lift)
+    return [
+        f"lift    {result.mean_lift:.4f} +- {result.lift_std:.4f} N",
+        f"drag    {result.mean_drag:.4f} +- {result.drag_std:.4f} N",
+        f"power   {result.mean_power:.4f} W given to the air",
+        f"cycles  {result.cycles}, mean lift of each {trend} N"
+        f" ({'periodic' if result.periodic else 'not periodic'})",
+        f"run     {result.particles} particles, {result.steps} steps, {result.wall_s:.1f} s,"
+        f" {result.particle_steps_per_s:.3g} particle-steps/s",
+        f"source  {result.source()}",
+    ]
+
+
+main = main_guard(cli)
