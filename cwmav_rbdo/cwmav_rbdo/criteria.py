@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the accelerated loop may stop: criteria CC1 (Eq. 12) and CC2 (Eq. 13), and the requirement itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from cwmav_common.settings import setting
+
+
+@dataclass(frozen=True)
+class CriteriaSettings:
+    """Thresholds; the defaults are the paper's."""
+
+    c1: float = setting(0.02, "CC1: largest relative error at the optimum, two iterations running", gt=0, lt=1)
+    c2: float = setting(0.03, "CC2: largest relative change of the optimal prediction", gt=0, lt=1)
+    extra_confirmations: int = setting(0, "further iterations that must hold before stopping", ge=0, le=10)
+
+
+class Row(Protocol):
+    """What the criteria look at in one iteration."""
+
+    @property
+    def prediction(self) -> float: ...
+    @property
+    def response(self) -> float: ...
+    @property
+    def feasible(self) -> bool: ...
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Which criteria hold after an iteration; `converged` when the loop may stop."""
+
+    error_small: bool
+    change_small: bool
+    feasible: bool
+    converged: bool
+
+
+def relative_error(prediction: float, response: float) -> float:
+    """Error of the prediction at the optimum, Eq. 12; infinite where the response is zero."""
+    return abs(prediction - response) / abs(response) if response != 0 else float("inf")
+
+
+def relative_change(now: float, before: float) -> float:
+    """Change of the optimal prediction between two iterations, Eq. 13."""
+    return abs(now - before) / abs(before) if before != 0 else float("inf")
+
+
+def mean_square_error(rows: Sequence[Row]) -> float:
+    """Mean square of prediction minus response over the rows that have a response, Eq. 10; NaN without any."""
+    squares = [(row.prediction - row.response) ** 2 for row in rows if math.isfinite(row.response)]
+    return sum(squares) / len(squares) if squares else math.nan
+
+
+def judge(rows: Sequence[Row], settings: CriteriaSettings) -> Verdict:
+    """Judge the last iteration.
+
+    CC1 asks for the error of this and the previous iteration, so nothing converges before the second. An
+    iteration whose optimum could not be evaluated has a NaN response and never satisfies CC1.
+    """
+    verdict = _hold(rows, settings)
+    needed = range(settings.extra_confirmations)
+    confirmed = all(_hold(rows[: len(rows) - 1 - k], settings).converged for k in needed)
+    return Verdict(
+        verdict.error_small, verdict.change_small, verdict.feasible, verdict.converged and confirmed
+    )
+
+
+def _hold(rows: Sequence[Row], settings: CriteriaSettings) -> Verdict:
+    if not rows:
+        return Verdict(False, False, False, False)
+    feasible = rows[-1].feasible
+    if len(rows) < 2:
+        return Verdict(False, False, feasible, False)
+    now, before = rows[-1], rows[-2]
+    cc1 = all(relative_error(row.prediction, row.response) <= settings.c1 for row in (now, before))
+    cc2 = relative_change(now.prediction, before.prediction) <= settings.c2
+    return Verdict(cc1, cc2, feasible, cc1 and cc2 and feasible)
