@@ -207,6 +207,11 @@ class Recording:
             return 0, 0
         return min(piece.start_ns for piece in pieces), max(piece.end_ns for piece in pieces)
 
+    def piece_spans(self) -> list[tuple[int, int]]:
+        """First and last log time [ns] of every piece (chunk), in order of time."""
+        pieces = [piece for file in self._files for piece in file.contents.pieces if piece.end_ns]
+        return sorted((piece.start_ns, piece.end_ns) for piece in pieces)
+
     def batches(self, topics: Iterable[str] | None = None) -> Iterator[Batch]:
         """Go through the recording piece by piece, in file order, the messages grouped by topic."""
         wanted = None if topics is None else set(topics)

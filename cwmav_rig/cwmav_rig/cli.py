@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cwmav-rig``: synthesise recordings, look into them, estimate uncertainties, build the power model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cwmav_common.cli import app, emit, main_guard, message
+from cwmav_common.errors import InputError
+from cwmav_common.progress import progress
+from cwmav_common.settings import from_mapping, override
+
+cli = app("cwmav-rig", "Recordings of the rig: synthesise, inspect, estimate uncertainties, model the power.")
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+
+
+@cli.command()
+def synthesise(
+    out: Annotated[Path, typer.Option(help="An .mcap file, or a name without suffix for a rosbag2 folder.")],
+    frequency: Annotated[float, typer.Option("-F", help="Flapping frequency [Hz].")],
+    angle: Annotated[float, typer.Option("-A", help="Angle of attack [deg].")],
+    airspeed: Annotated[float, typer.Option("-U", help="Airspeed [m/s].")],
+    seconds: Annotated[float, typer.Option(help="Length [s].")] = 30.0,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    power_model: Annotated[str, typer.Option(help="physical or paper_law.")] = "physical",
+    artefact: Annotated[list[str] | None, typer.Option(help="name=value, may be repeated.")] = None,
+    assign: Annotated[list[str] | None, typer.Option("--set", help="Any other setting, key=value.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a recording from the physical model, marked synthetic, with its truth inside."""
+    from cwmav_rig import synthesise as synthesis
+    from cwmav_rig.synthesis_settings import Synthesis
+
+    values = {
+        "flapping_frequency": frequency,
+        "angle_of_attack_deg": angle,
+        "airspeed": airspeed,
+        "seconds": seconds,
+        "seed": seed,
+        "power_model": power_model,
+    }
+    settings = from_mapping(Synthesis, values, "cwmav-rig synthesise")
+    settings = override(settings, [f"artefacts.{item}" for item in artefact or []], "--artefact")
+    settings = override(settings, assign or [], "--set")
+    truth = synthesis.synthesise(out, settings)
+    plain = synthesis.truth_mapping(truth)
+    emit(
+        {"bag": str(out), "synthetic": True, "truth": plain},
+        as_json,
+        [f"{out}: synthetic, {seconds:g} s, {truth.cycles} cycles, seed {seed}"]
+        + [f"  {name}: {value}" for name, value in plain.items()],
+    )
+
+
+@cli.command()
+def info(
+    bag: Annotated[Path, typer.Argument(help="An .mcap file or a rosbag2 folder.")],
+    as_json: Json = False,
+) -> None:
+    """Say what a recording holds."""
+    from cwmav_rig.info import describe
+
+    found = describe(bag)
+    emit(found.to_json(), as_json, found.lines())
+
+
+@cli.command()
+def uncertainty(
+    bag: Annotated[Path, typer.Argument(help="An .mcap file or a rosbag2 folder.")],
+    topics: Annotated[Path | None, typer.Option(help="Topic map (YAML).")] = None,
+    window: Annotated[tuple[float, float] | None, typer.Option(help="Begin and end [s].")] = None,
+    as_json: Json = False,
+) -> None:
+    """Estimate the scatter of F, AoA, U, lift and power with 95 % intervals."""
+    from cwmav_rig.analysis import analyse
+    from cwmav_rig.text import report_lines
+    from cwmav_rig.topic_map import load_topic_map
+
+    report = analyse(bag, load_topic_map(topics) if topics else None, window=window)
+    for problem in report.problems:
+        message(problem)
+    emit(report.to_json(), as_json, report_lines(report))
+
+
+@cli.command()
+def campaign(
+    out: Annotated[Path, typer.Option(help="Folder for the recordings.")],
+    points: Annotated[int, typer.Option(help="Points inside, besides the outer ones.")] = 32,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    model: Annotated[Path | None, typer.Option(help="Also write the power model of them here.")] = None,
+    assign: Annotated[list[str] | None, typer.Option("--set", help="Any other setting, key=value.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Synthesise operating points over the design space for the power surrogate."""
+    from cwmav_rig.campaign import Campaign, design, record
+    from cwmav_rig.power_model import PowerModel
+
+    values = {"points": points, "seed": seed}
+    settings = override(from_mapping(Campaign, values, "cwmav-rig campaign"), assign or [], "--set")
+    total = len(design(settings))
+    with progress(total, "recording", "bag") as bar:
+        paths = record(out, settings, lambda path: bar.update(1))
+    result: dict[str, object] = {"folder": str(out), "bags": [str(path) for path in paths], "synthetic": True}
+    lines = [f"{out}: {total} synthetic recordings, seed {seed}"]
+    if model is not None:
+        result["model"] = str(model)
+        fitted = PowerModel.from_recordings(paths)
+        fitted.save(model)
+        errors = fitted.leave_one_out()
+        result["leave_one_out_rms"] = float((errors**2).mean() ** 0.5)
+        lines.append(f"{model}: power model, leave-one-out error {result['leave_one_out_rms']:.2%} rms")
+    emit(result, as_json, lines)
+
+
+@cli.command("power")
+def power_command(
+    model: Annotated[Path, typer.Argument(help="A power model, or a folder of recordings.")],
+    frequency: Annotated[float, typer.Option("-F", help="Flapping frequency [Hz].")],
+    angle: Annotated[float, typer.Option("-A", help="Angle of attack [deg].")],
+    airspeed: Annotated[float, typer.Option("-U", help="Airspeed [m/s].")],
+    as_json: Json = False,
+) -> None:
+    """Predict the electrical power at a setting from recorded operating points."""
+    import math
+
+    from cwmav_rig.power_model import PowerModel
+
+    if not model.exists():
+        raise InputError(f"{model}: no such power model or folder of recordings")
+    fitted = PowerModel.load(model) if model.suffix == ".json" else PowerModel.from_recordings([model])
+    answer = fitted.predict(frequency, math.radians(angle), airspeed)
+    emit(
+        {
+            "power_w": answer.power,
+            "power_std_w": answer.power_std,
+            "inside": answer.inside,
+            "source": answer.source,
+        },
+        as_json,
+        [f"{answer.power:.4f} +- {answer.power_std:.4f} W   {answer.source}"],
+    )
+
+
+main = main_guard(cli)
+
+if __name__ == "__main__":
+    main()

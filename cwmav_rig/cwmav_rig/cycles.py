@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flapping cycles from the force: where each begins, its frequency, and which of them can be used.
+
+1. The fundamental is found in the power spectrum as the lowest significant line whose harmonics explain the rest
+   (mains lines and mount resonances have no such family).
+2. A complex demodulation at that frequency gives a coarse phase.
+3. The phase is refined against the mean waveform: harmonics of the cycle are fitted to all data, then in a Hann
+   window of one cycle the phase (and amplitude) shift that best explains the residual is solved for. This uses
+   every harmonic, so a force dominated by inertia or ringing at 2 F serves as well as a clean sine.
+4. A cycle lasts from one multiple of 2 pi of the phase to the next.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from scipy.signal import fftconvolve, welch
+
+from cwmav_common.errors import InputError
+from cwmav_rig.blocks import Block
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LOWEST, HIGHEST = 3.0, 40.0  # Hz, search range; the rig runs at 4-30 Hz
+HARMONICS = 6
+REFINEMENTS = 4
+SIGNIFICANT = 0.02  # share of the strongest line's amplitude that a fundamental must have
+LEAST_CYCLES = 8
+DEVIATION = 0.25  # a cycle whose length differs more from the median was mistaken
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Successive flapping cycles.
+
+    Attributes
+    ----------
+    bounds
+        (m + 1,) times [s] at which cycles begin and end.
+    good
+        (m,) cycles without gap, masked sample or lost phase.
+    rejected
+        Number of cycles left out, by reason.
+    """
+
+    bounds: Array
+    good: Mask
+    rejected: Counter[str]
+
+    @property
+    def frequency(self) -> Array:
+        """Frequency of every cycle, (m,) [Hz]."""
+        return 1.0 / np.diff(self.bounds)
+
+    @property
+    def number(self) -> int:
+        """How many cycles can be used."""
+        return int(self.good.sum())
+
+    @property
+    def rejected_fraction(self) -> float:
+        """Share of cycles left out."""
+        return 1.0 - self.number / len(self.good) if len(self.good) else 1.0
+
+
+def find_cycles(block: Block, columns: tuple[str, ...] = ("fz", "fx")) -> Cycles:
+    """Find the cycles in the force columns of a block.
+
+    Raises
+    ------
+    InputError
+        The block is too short or shows no periodic force.
+    """
+    good = block.good
+    if good.sum() * block.step < LEAST_CYCLES / HIGHEST:
+        raise InputError(
+            f"force: only {good.sum() * block.step:.3g} s of usable samples; no cycles can be found"
+        )
+    signals = np.stack([_filled(block.column(name), good) for name in columns], axis=1)
+    frequency = fundamental(signals, 1.0 / block.step)
+    signal = signals[:, int(np.argmax(signals.std(axis=0)))]
+    phase = refined_phase(signal, block.step, frequency, good)
+    return _cut(block, phase, frequency, good)
+
+
+def fundamental(signals: Array, rate: float) -> float:
+    """Find the flapping frequency [Hz] of signals (n, k) sampled at `rate`.
+
+    Raises
+    ------
+    InputError
+        No line in the range stands out.
+    """
+    length = min(len(signals), int(8.0 * rate))
+    freqs, density = welch(signals, rate, nperseg=length, axis=0, detrend="constant")
+    amplitude = np.sqrt(density.sum(axis=1) * freqs[1])
+    floor = float(np.median(amplitude[(freqs > LOWEST / 2) & (freqs < min(4 * HIGHEST, 0.45 * rate))]))
+    candidates = np.arange(LOWEST, min(HIGHEST, 0.2 * rate), freqs[1] / 2.0)
+    lines = np.array([_line(freqs, amplitude, f) for f in candidates])
+    families = np.array([_family(freqs, amplitude, f) for f in candidates])
+    if not len(lines) or lines.max() < 6.0 * floor or not np.isfinite(lines).all():
+        raise InputError(
+            f"force: no periodic signal between {LOWEST:g} and {HIGHEST:g} Hz stands out of the noise"
+        )
+    able = (lines > SIGNIFICANT * lines.max()) & (lines > 4.0 * floor) & (families > 0.9 * families.max())
+    best = candidates[able][np.argmax(lines[able])] if able.any() else candidates[int(np.argmax(families))]
+    return _centroid(freqs, amplitude, float(best))
+
+
+def _line(freqs: Array, amplitude: Array, frequency: float) -> float:
+    near = np.abs(freqs - frequency) <= max(0.02 * frequency, freqs[1])
+    return float(amplitude[near].max(initial=0.0))
+
+
+def _family(freqs: Array, amplitude: Array, frequency: float) -> float:
+    """Amplitude on the harmonics, less what lies half-way between them: low for a multiple of the true one."""
+    on = sum(_line(freqs, amplitude, h * frequency) for h in range(1, 5))
+    between = sum(_line(freqs, amplitude, (h - 0.5) * frequency) for h in range(1, 5))
+    return on - between
+
+
+def _centroid(freqs: Array, amplitude: Array, frequency: float) -> float:
+    near = np.abs(freqs - frequency) <= max(0.08 * frequency, 2.0 * freqs[1])
+    weight = amplitude[near] ** 2
+    return float((freqs[near] * weight).sum() / weight.sum())
+
+
+def refined_phase(signal: Array, step: float, frequency: float, good: Mask) -> Array:
+    """Phase [rad] of the cycle at every sample of `signal` (n,)."""
+    phase = _demodulated(signal, step, frequency)
+    width = max(5, int(round(1.0 / (frequency * step))) | 1)
+    window = np.hanning(width + 2)[1:-1]
+    for _ in range(REFINEMENTS):
+        model, slope = _waveform(signal, phase, good, step, frequency)
+        residual = np.where(good, signal - model, 0.0)
+        shape, slope = np.where(good, model - model.mean(), 0.0), np.where(good, slope, 0.0)
+        pp, ss = _smooth(slope * slope, window), _smooth(shape * shape, window)
+        ps = _smooth(slope * shape, window)
+        pr, sr = _smooth(slope * residual, window), _smooth(shape * residual, window)
+        determinant = np.maximum(pp * ss - ps * ps, 1e-3 * pp.mean() * ss.mean() + 1e-300)
+        phase = phase + np.clip((pr * ss - sr * ps) / determinant, -0.5, 0.5)
+    return phase
+
+
+def _demodulated(signal: Array, step: float, frequency: float) -> Array:
+    n = len(signal)
+    turn = 2.0 * np.pi * frequency * step * np.arange(n)
+    # Two cycles of Hann: its zeros fall on the mean and on every other harmonic.
+    window = np.hanning(max(5, int(round(2.0 / (frequency * step))) | 1))
+    carrier = fftconvolve((signal - signal.mean()) * np.exp(-1j * turn), window, mode="same")
+    return turn + np.unwrap(np.angle(carrier))
+
+
+def _waveform(signal: Array, phase: Array, good: Mask, step: float, frequency: float) -> tuple[Array, Array]:
+    """Fit harmonics of the phase to the signal; give the fit and its derivative with the phase."""
+    highest = max(1, min(HARMONICS, int(0.4 / (step * frequency))))
+    orders = range(1, highest + 1)
+    basis = np.stack([np.ones_like(phase)] + [g(h * phase) for h in orders for g in (np.cos, np.sin)], axis=1)
+    weights = basis[good].T @ basis[good]
+    weights[np.diag_indices_from(weights)] += 1e-9 * len(phase)
+    coefficients = np.linalg.solve(weights, basis[good].T @ signal[good])
+    slopes = np.zeros_like(coefficients)
+    for h in orders:
+        slopes[2 * h - 1], slopes[2 * h] = h * coefficients[2 * h], -h * coefficients[2 * h - 1]
+    return basis @ coefficients, basis @ slopes
+
+
+def _smooth(values: Array, window: Array) -> Array:
+    return np.asarray(fftconvolve(values, window, mode="same"))
+
+
+def _filled(values: Array, good: Mask) -> Array:
+    """Replace masked values by the mean, so that they carry no periodic force."""
+    return np.where(good, values, values[good].mean())
+
+
+def _cut(block: Block, phase: Array, frequency: float, good: Mask) -> Cycles:
+    time = block.time
+    margin = 1.0 / frequency  # the windows of phase and waveform are one-sided at the ends
+    inside = (time >= time[0] + margin) & (time <= time[-1] - margin)
+    rising = np.maximum.accumulate(phase[inside])
+    turns = np.arange(np.ceil(rising[0] / (2 * np.pi)), np.floor(rising[-1] / (2 * np.pi)) + 1)
+    if len(turns) < LEAST_CYCLES + 1:
+        raise InputError(
+            f"force: {max(len(turns) - 1, 0)} whole cycles at {frequency:.3g} Hz; need {LEAST_CYCLES}"
+        )
+    bounds = np.interp(2 * np.pi * turns, rising, time[inside])
+    lengths = np.diff(bounds)
+    usual = np.median(lengths)
+    wrong = np.abs(lengths / usual - 1.0) > DEVIATION
+    reach = max(1, int(round(0.5 / (frequency * block.step))))
+    masked = _touches(binary_dilation(~good, iterations=reach) if (~good).any() else ~good, block, bounds)
+    rejected = Counter({"gap_or_masked": int(masked.sum()), "phase_lost": int((wrong & ~masked).sum())})
+    return Cycles(bounds, ~(wrong | masked), +rejected)
+
+
+def _touches(bad: Mask, block: Block, bounds: Array) -> Mask:
+    """Say which intervals between bounds hold a bad sample."""
+    count = np.concatenate(([0], np.cumsum(bad)))
+    index = np.clip(np.floor((bounds - block.start) / block.step + 0.5).astype(np.int64), 0, len(bad))
+    return np.asarray(count[np.minimum(index[1:] + 1, len(bad))] > count[index[:-1]])
+
+
+def cycle_means(block: Block, column: str, bounds: Array) -> Array:
+    """Means of a column over the intervals between `bounds` (m + 1,), (m,); NaN where a sample is missing."""
+    values = block.column(column)
+    good = np.isfinite(values)
+    integral = np.concatenate(([0.0], np.cumsum(np.where(good, values, 0.0)))) * block.step
+    edges = block.start + block.step * (np.arange(len(values) + 1) - 0.5)
+    means = np.diff(np.interp(bounds, edges, integral)) / np.diff(bounds)
+    outside = (bounds[:-1] < edges[0]) | (bounds[1:] > edges[-1])
+    return np.where(outside | _touches(~good, block, bounds), np.nan, means)

@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which topic of a recording plays which role on the rig.
+
+A map is a YAML file, or stands in the recording's metadata, or is guessed from the message types when each role
+has exactly one candidate.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from cwmav_common.errors import InputError
+from cwmav_common.mcap_io import Recording
+from cwmav_common.settings import from_mapping, read_yaml, setting
+
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+FORCE_TYPES = ("cwmav_msgs/msg/WrenchBlock", "geometry_msgs/msg/WrenchStamped")
+POWER_TYPES = ("cwmav_msgs/msg/PowerBlock", "sensor_msgs/msg/BatteryState")
+SCALAR_TYPES = ("cwmav_msgs/msg/ScalarStamped",)
+ANGLE_TYPES = (
+    "cwmav_msgs/msg/ScalarStamped",
+    "std_msgs/msg/Float64",
+    "geometry_msgs/msg/QuaternionStamped",
+)
+CAMERA_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+WIND_TYPES = (
+    "geometry_msgs/msg/TwistWithCovarianceStamped",
+    "geometry_msgs/msg/TwistStamped",
+    "sensor_msgs/msg/FluidPressure",
+)
+TEMPERATURE_TYPES = ("sensor_msgs/msg/Temperature",)
+TRIGGER_TYPES = ("cwmav_msgs/msg/ScalarStamped", "std_msgs/msg/Header")
+METADATA = "cwmav"
+
+
+@dataclass(frozen=True)
+class ForceRole:
+    """Force sensor."""
+
+    topic: str = setting("", "topic of the force; empty when not recorded")
+    axis_lift: str = setting("z", "sensor axis that points up at zero angle of attack", choices=AXES)
+    axis_thrust: str = setting("x", "sensor axis that points forward", choices=AXES)
+    frame: str = setting(
+        "body",
+        "axes of the sensor: they pitch with the vehicle, or stay in the wind",
+        choices=("body", "wind"),
+    )
+    pitch_deg: float = setting(
+        0.0, "pitch of the sensor to the vehicle, nose up positive", unit="deg", ge=-180, le=180
+    )
+    gain: float = setting(1.0, "factor from the recorded to the true force", gt=0)
+    clock: str = setting("force", "name of the instrument's clock among the trigger edges")
+
+
+@dataclass(frozen=True)
+class PowerRole:
+    """Electrical power in one topic."""
+
+    topic: str = setting("", "topic that carries voltage and current; empty when not recorded")
+    clock: str = setting("power", "name of the instrument's clock among the trigger edges")
+
+
+@dataclass(frozen=True)
+class ScalarRole:
+    """One electrical quantity."""
+
+    topic: str = setting("", "topic of the quantity; empty when not recorded")
+    gain: float = setting(1.0, "factor from the recorded to the true value")
+
+
+@dataclass(frozen=True)
+class AngleRole:
+    """Angle of attack."""
+
+    topic: str = setting("", "topic of the angle; empty when not recorded")
+    gain: float = setting(1.0, "factor from the recorded to the true angle; -1 when nose down is positive")
+    offset_deg: float = setting(0.0, "added to the angle", unit="deg", ge=-180, le=180)
+    clock: str = setting("camera", "name of the instrument's clock among the trigger edges")
+
+
+@dataclass(frozen=True)
+class WindRole:
+    """Airspeed, or a pitot pressure with the temperature beside it."""
+
+    topic: str = setting("", "topic of the wind; empty when not recorded")
+    gain: float = setting(1.0, "factor from the recorded to the true airspeed; -1 when it points downstream")
+    temperature: str = setting("", "topic of the air temperature, for a pitot pressure")
+    ambient_pressure: float = setting(101_325.0, "static pressure, for a pitot pressure", unit="Pa", gt=0)
+    clock: str = setting("tunnel", "name of the instrument's clock among the trigger edges")
+
+
+@dataclass(frozen=True)
+class TriggerRole:
+    """Edges of the synchroniser."""
+
+    topic: str = setting("", "topic of the edges; frame_id names the instrument whose clock stamped the edge")
+
+
+@dataclass(frozen=True)
+class TopicMap:
+    """Roles and topics; a role without a topic is not recorded."""
+
+    force: ForceRole = field(default_factory=ForceRole)
+    power: PowerRole = field(default_factory=PowerRole)
+    voltage: ScalarRole = field(default_factory=ScalarRole)
+    current: ScalarRole = field(default_factory=ScalarRole)
+    angle_of_attack: AngleRole = field(default_factory=AngleRole)
+    wind: WindRole = field(default_factory=WindRole)
+    trigger: TriggerRole = field(default_factory=TriggerRole)
+    tare: str = setting("", "recording of the wind-off run, or none")
+    tare_topic: str = setting("", "topic of wind-off blocks within the recording")
+
+    @property
+    def tare_said(self) -> bool:
+        """True when the map says where the tare is, or that there is none."""
+        return bool(self.tare or self.tare_topic)
+
+    def topics(self) -> dict[str, str]:
+        """Role and topic of everything named."""
+        named = {
+            "force": self.force.topic,
+            "power": self.power.topic,
+            "voltage": self.voltage.topic,
+            "current": self.current.topic,
+            "angle_of_attack": self.angle_of_attack.topic,
+            "wind": self.wind.topic,
+            "temperature": self.wind.temperature,
+            "trigger": self.trigger.topic,
+            "tare": self.tare_topic,
+        }
+        return {role: topic for role, topic in named.items() if topic}
+
+
+_TYPES: dict[str, tuple[str, ...]] = {
+    "force": FORCE_TYPES,
+    "power": POWER_TYPES,
+    "voltage": SCALAR_TYPES,
+    "current": SCALAR_TYPES,
+    "angle_of_attack": ANGLE_TYPES + CAMERA_TYPES,
+    "wind": WIND_TYPES,
+    "temperature": TEMPERATURE_TYPES,
+    "trigger": TRIGGER_TYPES,
+    "tare": FORCE_TYPES,
+}
+
+
+def load_topic_map(path: str | Path) -> TopicMap:
+    """Read a topic map from YAML.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a key or value is not allowed, or ``tare`` is missing although force is mapped.
+    """
+    topic_map = from_plain(read_yaml(path), str(path))
+    if topic_map.force.topic and not topic_map.tare_said:
+        raise InputError(
+            f"{path}: 'tare' is missing; give the recording of the wind-off run, {{topic: ..}} of wind-off blocks,"
+            " or say 'none' (the weight is then part of the lift)"
+        )
+    base = Path(path).parent
+    if topic_map.tare and topic_map.tare != "none" and not Path(topic_map.tare).is_absolute():
+        topic_map = replace(topic_map, tare=str(base / topic_map.tare))
+    return topic_map
+
+
+def from_plain(content: Mapping[str, Any], source: str) -> TopicMap:
+    """Build a topic map from nested plain values; see :func:`load_topic_map`."""
+    values = dict(content)
+    tare = values.get("tare")
+    if isinstance(tare, Mapping):
+        if set(tare) != {"topic"}:
+            raise InputError(
+                f"{source}: 'tare' is {dict(tare)!r}; allowed: none, a recording, or {{topic: ..}}"
+            )
+        values["tare"] = ""
+        values["tare_topic"] = str(tare["topic"])
+    elif tare is None and "tare" in values:
+        values["tare"] = "none"
+    return from_mapping(TopicMap, values, source)
+
+
+def resolve(recording: Recording, topic_map: TopicMap | None) -> TopicMap:
+    """Give the map to use: the one handed over, the recording's own, or the one its types suggest.
+
+    Raises
+    ------
+    InputError
+        A mapped topic is not in the recording or has a type that its role does not accept.
+    """
+    if topic_map is None:
+        stored = recording.metadata.get(METADATA, {}).get("topic_map")
+        topic_map = from_plain(_json(stored, recording), str(recording.path)) if stored else guess(recording)
+    check(recording, topic_map)
+    return topic_map
+
+
+def check(recording: Recording, topic_map: TopicMap) -> None:
+    """Refuse a map that does not fit the recording; see :func:`resolve`."""
+    available = recording.topics
+    for role, topic in topic_map.topics().items():
+        if topic not in available:
+            present = ", ".join(available) or "none"
+            raise InputError(f"{recording.path}: no topic {topic!r} for role {role}; topics are: {present}")
+        found = available[topic].type_name
+        if found not in _TYPES[role]:
+            allowed = ", ".join(_TYPES[role])
+            raise InputError(f"{recording.path}: topic {topic} is {found}, role {role} accepts: {allowed}")
+    if bool(topic_map.voltage.topic) != bool(topic_map.current.topic):
+        raise InputError(f"{recording.path}: voltage and current must be mapped together")
+
+
+def guess(recording: Recording) -> TopicMap:
+    """Take each role whose accepted types occur on exactly one topic; blocks win over single samples."""
+    topics = recording.topics
+
+    def only(types: tuple[str, ...], word: str = "") -> str:
+        for type_name in types:
+            names = [t.name for t in topics.values() if t.type_name == type_name and t.count]
+            named = [name for name in names if word and word in name.lower()]
+            names = [name for name in names if "tare" not in name.lower()]
+            if len(named) == 1 or len(names) == 1:
+                return named[0] if len(named) == 1 else names[0]
+        return ""
+
+    tare = [t.name for t in topics.values() if t.type_name in FORCE_TYPES and "tare" in t.name.lower()]
+    return TopicMap(
+        force=ForceRole(topic=only(FORCE_TYPES)),
+        power=PowerRole(topic=only(POWER_TYPES)),
+        angle_of_attack=AngleRole(topic=only(ANGLE_TYPES, "angle")),
+        wind=WindRole(topic=only(WIND_TYPES[:2])),
+        tare_topic=tare[0] if len(tare) == 1 else "",
+    )
+
+
+def _json(text: str, recording: Recording) -> dict[str, Any]:
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{recording.path}: topic map in the metadata is no JSON ({error})") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{recording.path}: topic map in the metadata is no object")
+    return content
