@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start and stop of a node as a program."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from cwmav_common.cli import message
+from cwmav_common.errors import CwmavError
+
+
+def run(make: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+    """Spin the node that `make` gives until SIGINT or SIGTERM; give the exit status.
+
+    ``node.close()`` must stop its work and end its processes.
+
+    The executor is single-threaded: with the interpreter's one lock several threads are slower and lose
+    messages. It spins beside the main thread, which sleeps until a signal comes. The context stays valid
+    until the node has closed, so its last words (ended goals, final diagnostics) still get out.
+    """
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy raises several kinds for arguments it cannot parse
+        message(f"error: {' '.join(str(error).split())}")
+        return 2
+    try:
+        node = make()
+    except CwmavError as error:
+        message(f"error: {error}")
+        rclpy.try_shutdown()
+        return error.exit_status
+    try:
+        return _spin_until_signal(node)
+    finally:
+        rclpy.try_shutdown()
+
+
+def main(make: Callable[[], Node]) -> None:
+    """Run the node and exit with its status."""
+    raise SystemExit(run(make, sys.argv))
+
+
+def _spin_until_signal(node: Node) -> int:
+    stop = threading.Event()
+    failures: list[BaseException] = []
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin() -> None:
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:
+            failures.append(error)
+        finally:
+            stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    thread = threading.Thread(target=spin, name="executor")
+    thread.start()
+    stop.wait()
+    node.close()
+    executor.shutdown(timeout_sec=5.0)
+    thread.join(timeout=5.0)
+    node.destroy_node()
+    if failures:
+        raise failures[0]
+    return 0

@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node ``/rig``: replays a recording, measures its scatter, and answers for the electrical power."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from cwmav_msgs.msg import UncertaintyEstimate
+from cwmav_msgs.srv import EstimateUncertainty, EvaluatePower
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_srvs.srv import Trigger
+
+from cwmav_common.errors import InputError
+from cwmav_common.mcap_io import open_recording
+from cwmav_common.ros.calls import CallQueue
+from cwmav_common.ros.codecs import nanoseconds, point_array, time_message
+from cwmav_common.ros.deferred import create_deferred_service
+from cwmav_common.ros.diagnostics import Diagnostics, Health
+from cwmav_common.ros.main import main as run_main
+from cwmav_common.ros.parameters import Parameters
+from cwmav_common.ros.qos import LATCHED
+from cwmav_common.workers import Job, WorkerPool
+from cwmav_rig.live import LiveRig
+from cwmav_rig.power_model import PowerModel
+from cwmav_rig.replay import Player
+from cwmav_rig.ros import codecs
+from cwmav_rig.ros.player_services import Pause, Resume, Seek, SetRate
+from cwmav_rig.ros.publish import RigPublisher
+from cwmav_rig.ros.settings import RigSettings
+from cwmav_rig.ros.work import analyse_recording, load_power_model, read_map
+from cwmav_rig.topic_map import TopicMap, resolve
+
+TICK = 0.01  # s, how often the replay looks what is due
+POWER_FIDELITIES = ("", "recorded")
+
+
+class RigNode(Node):
+    """Adapter between ROS and the rig.
+
+    Parameters
+    ----------
+    analyse : work of an analysis, in another process: ``analyse(recording, topic_map, window, channel)``
+    load_power : work of making the power model: ``load_power(path, topic_map, channel)``
+    options : keyword arguments of the rclpy node
+    """
+
+    def __init__(
+        self,
+        analyse: Callable[..., Any] = analyse_recording,
+        load_power: Callable[..., Any] = load_power_model,
+        **options: Any,
+    ) -> None:
+        super().__init__("rig", **options)
+        self._analyse, self._load_power = analyse, load_power
+        self._parameters = Parameters(self, RigSettings, check=self._check, on_change=self._on_change)
+        settings = self.settings
+        self._pool = WorkerPool(1, "cwmav_rig worker")
+        self._calls = CallQueue(self)
+        self._publisher = RigPublisher(self, settings.wrench_rate, settings.tare_seconds)
+        self._uncertainty = self.create_publisher(UncertaintyEstimate, "~/uncertainty", LATCHED)
+        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10)
+        self._player: Player | None = None
+        self._live: LiveRig | None = None
+        self._loops = 0
+        self._opened: tuple[str, str] = ("", "")
+        self._power: Job | None = None
+        self._power_path: tuple[str, str] = ("", "")
+        self._counts = {"messages replayed": 0, "cycles": 0, "refused": 0, "failed": 0}
+        self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._offer_services()
+        self._diagnostics = Diagnostics(self, "cwmav rig")
+        self._diagnostics.add("replay", self._health)
+        self._open(settings)
+        self._power_job()
+
+    @property
+    def settings(self) -> RigSettings:
+        """The parameters, one consistent set."""
+        return self._parameters.value
+
+    def close(self) -> None:
+        """Stop replay and work."""
+        self._timer.cancel()
+        self._pool.close()
+        self._calls.close()
+        if self._player is not None:
+            self._player.close()
+
+    def _offer_services(self) -> None:
+        self.create_service(Pause, "~/pause", self._pause)
+        self.create_service(Resume, "~/resume", self._resume)
+        self.create_service(Seek, "~/seek", self._seek)
+        self.create_service(SetRate, "~/set_rate", self._set_rate)
+        self.create_service(Trigger, "~/tare", self._tare)
+        create_deferred_service(
+            self, EvaluatePower, "~/evaluate_power", self._evaluate_power, self._no_power, self._calls
+        )
+        create_deferred_service(
+            self,
+            EstimateUncertainty,
+            "~/estimate_uncertainty",
+            self._estimate_uncertainty,
+            self._no_uncertainty,
+            self._calls,
+        )
+
+    # --- parameters ----------------------------------------------------------------------------------------
+
+    def _check(self, settings: RigSettings) -> None:
+        if settings.publish_clock and self.get_parameter("use_sim_time").value:
+            raise InputError(
+                "publish_clock and use_sim_time exclude each other: the node would wait for itself"
+            )
+        if settings.recording and (settings.recording, settings.topic_map) != getattr(self, "_opened", None):
+            with open_recording(settings.recording) as recording:
+                resolve(recording, read_map(settings.topic_map))
+        if settings.power_model and not Path(settings.power_model).exists():
+            raise InputError(
+                f"power_model {settings.power_model}: no such file or folder; allowed: a model or recordings"
+            )
+
+    def _on_change(self, settings: RigSettings) -> None:
+        self._publisher.wrench_rate = settings.wrench_rate
+        self._publisher.tare_seconds = settings.tare_seconds
+        if (settings.recording, settings.topic_map) != self._opened:
+            self._open(settings)
+        if self._player is not None:
+            self._player.loop = settings.loop
+            if settings.rate != self._player.rate:
+                self._player.set_rate(settings.rate)
+        self._power_job()
+
+    # --- replay --------------------------------------------------------------------------------------------
+
+    def _open(self, settings: RigSettings) -> None:
+        if self._player is not None:
+            self._player.close()
+        self._player = self._live = None
+        self._opened = (settings.recording, settings.topic_map)
+        if not settings.recording:
+            return
+        recording = open_recording(settings.recording)
+        topic_map: TopicMap = resolve(recording, read_map(settings.topic_map))
+        clock = self._ros_seconds if self.get_parameter("use_sim_time").value else time.monotonic
+        self._player = Player(recording, rate=settings.rate, loop=settings.loop, clock=clock)
+        self._live = LiveRig(topic_map, recording.topics, settings.recording)
+        self._publisher.use(topic_map)
+        self._loops = 0
+        if not settings.start_paused:
+            self._player.start()
+
+    def _ros_seconds(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _tick(self) -> None:
+        player, live = self._player, self._live
+        if player is None or live is None or not player.running:
+            return
+        messages = player.poll()
+        if player.loops != self._loops:
+            self._loops = player.loops
+            self._restart()
+        for message in messages:
+            self._publisher.publish(message)
+        self._counts["messages replayed"] += len(messages)
+        for event in live.push(messages):
+            self._counts["cycles"] += 1
+            self._publisher.publish_cycle(event)
+        if self.settings.publish_clock:
+            self._clock_publisher.publish(ClockMessage(clock=time_message(player.recorded_time_ns)))
+
+    def _restart(self) -> None:
+        self._publisher.restart()
+        if self._live is not None:
+            self._live.reset()
+
+    def _loaded(self) -> Player:
+        if self._player is None:
+            raise InputError("no recording is loaded; set the parameter 'recording'")
+        return self._player
+
+    def _pause(self, _: Any, response: Any) -> Any:
+        if self._player is not None:
+            self._player.pause()
+        return response
+
+    def _resume(self, _: Any, response: Any) -> Any:
+        if self._player is not None:
+            self._player.start()
+        return response
+
+    def _seek(self, request: Any, response: Any) -> Any:
+        try:
+            player = self._loaded()
+            begin = player.recording.span_ns[0]
+            player.seek((nanoseconds(request.time) - begin) * 1e-9)
+            self._restart()
+            response.success = True
+        except InputError as error:
+            self.get_logger().warning(f"seek: {error}")
+            response.success = False
+        return response
+
+    def _set_rate(self, request: Any, response: Any) -> Any:
+        try:
+            self._loaded().set_rate(request.rate)
+            response.success = True
+        except InputError as error:
+            self.get_logger().warning(f"set_rate: {error}")
+            response.success = False
+        return response
+
+    def _tare(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            response.message, response.success = self._publisher.tare(), True
+        except InputError as error:
+            response.message, response.success = str(error), False
+        return response
+
+    # --- power ---------------------------------------------------------------------------------------------
+
+    def _power_job(self) -> Job:
+        """Give the loading of the power model, started again when its parameters changed."""
+        wanted = (self.settings.power_model, self.settings.topic_map)
+        if self._power is None or wanted != self._power_path:
+            self._power_path = wanted
+            self._power = self._pool.submit(self._load_power, *wanted)
+        return self._power
+
+    def _evaluate_power(self, request: EvaluatePower.Request) -> Future[EvaluatePower.Response]:
+        if request.fidelity not in POWER_FIDELITIES:
+            raise InputError(f"fidelity is '{request.fidelity}'; allowed: recorded, or empty")
+        point = point_array(request.point)
+
+        def answer(model: PowerModel) -> EvaluatePower.Response:
+            return codecs.power_response(model.predict(*point.tolist()))
+
+        return _then(self._power_job().future, answer)
+
+    def _no_power(self, error: BaseException) -> EvaluatePower.Response:
+        self._note("evaluate_power", error)
+        return codecs.no_power(error)
+
+    # --- scatter -------------------------------------------------------------------------------------------
+
+    def _estimate_uncertainty(self, request: EstimateUncertainty.Request) -> Future[Any]:
+        recording = request.recording or self.settings.recording
+        if not recording:
+            raise InputError("no recording is named and none is loaded; give 'recording'")
+        start, duration = request.window_start, request.window_duration
+        if start < 0 or duration < 0:
+            raise InputError(f"window_start {start:g} s, window_duration {duration:g} s; allowed: >= 0")
+        window = None
+        if start > 0 or duration > 0:
+            window = (start, start + duration if duration > 0 else float("inf"))
+        job = self._pool.submit(self._analyse, recording, self.settings.topic_map, window)
+        return _then(job.future, self._report)
+
+    def _report(self, report: Any) -> EstimateUncertainty.Response:
+        response = codecs.uncertainty_response(report)
+        self._calls.post(lambda: self._uncertainty.publish(response.estimate))
+        return response
+
+    def _no_uncertainty(self, error: BaseException) -> EstimateUncertainty.Response:
+        self._note("estimate_uncertainty", error)
+        return codecs.no_uncertainty(error)
+
+    # --- health --------------------------------------------------------------------------------------------
+
+    def _note(self, service: str, error: BaseException) -> None:
+        self._counts["refused" if isinstance(error, InputError) else "failed"] += 1
+        self.get_logger().warning(f"{service}: {error}")
+
+    def _health(self) -> Health:
+        player = self._player
+        values: dict[str, Any] = {
+            **self._counts,
+            **self._publisher.skipped,
+            "worker deaths": self._pool.deaths,
+        }
+        if player is None:
+            return Health("no recording", values=values)
+        state = "playing" if player.running else "finished" if player.finished else "paused"
+        values |= {"position [s]": f"{player.position:.3f}", "rate": player.rate, "loops": player.loops}
+        problems = player.recording.problems
+        if problems or self._publisher.skipped:
+            notes = [*problems, *(f"{what} is not published" for what in self._publisher.skipped)]
+            return Health(f"{state}; {'; '.join(notes)}", "warn", values)
+        return Health(f"{state}, {player.position:.1f} of {player.duration:.1f} s", values=values)
+
+
+def _then(source: Future[Any], take: Callable[[Any], Any]) -> Future[Any]:
+    """Give a future of ``take(result)``; several may wait for one source."""
+    result: Future[Any] = Future()
+
+    def pass_on(done: Future[Any]) -> None:
+        try:
+            result.set_result(take(done.result()))
+        except Exception as error:
+            result.set_exception(error)
+
+    source.add_done_callback(pass_on)
+    return result
+
+
+def main() -> None:
+    """Run the node until SIGINT."""
+    run_main(RigNode)
+
+
+if __name__ == "__main__":
+    main()
