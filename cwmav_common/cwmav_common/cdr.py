@@ -6,8 +6,8 @@ microseconds each; but equal messages lie equally in memory. The layout of one m
 schema, then every message with the same length and the same array and string lengths is read by one strided
 view. Messages that differ form further groups, so nothing is assumed about a recording made by others.
 
-The format is OMG DDS-XTypes 1.3, section 7.4.1 (plain CDR, version 1): primitive members aligned to their size
-relative to the end of the 4-byte encapsulation header.
+The format is OMG DDS-XTypes 1.3, section 7.4.1 (plain CDR, version 1): primitive members aligned to their
+size relative to the end of the 4-byte encapsulation header.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Group:
-    """Messages of one layout: their positions in the batch and one array per wanted field, (n,) or (n, count)."""
+    """Messages of one layout: rows in the batch and one array per wanted field, (n,) or (n, count)."""
 
     rows: Indices
     columns: dict[str, NDArray[Any]]
@@ -180,13 +180,13 @@ class _Walk:
         self._align(4)
         word = self._take(4)
         self.guards.append((self.position - 4, word.copy()))
-        return int(word.view(np.dtype("u4").newbyteorder(self.order))[0])
+        return int(word.view(np.dtype(self.order + "u4"))[0])
 
     def _note(self, path: str, base: str, count: int, *, scalar: bool, size: int) -> None:
         if count:
             self._align(size)
         if path in self.wanted:
-            dtype = np.dtype(_ONE_BYTE.get(base, base)).newbyteorder(self.order)
+            dtype = np.dtype(_ONE_BYTE.get(base, base)).newbyteorder(self.order)  # type: ignore[arg-type]
             self.slots[path] = Slot(self.position, dtype, count, scalar)
         self._take(size * count)
 

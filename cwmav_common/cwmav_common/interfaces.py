@@ -2,8 +2,8 @@
 """ROS 2 message types without ROS: registered from their .msg text, serialised to CDR by rosbags.
 
 Recordings are written and read by programs that must also work where no ROS is installed. The stock types are
-those of Jazzy; the project's own are read from the same .msg files that ``cwmav_msgs`` is built from, so there
-is one definition of every field.
+those of Jazzy; the project's own are read from the same .msg files that ``cwmav_msgs`` is built from, so
+there is one definition of every field.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ NANOSECONDS = 1_000_000_000
 def message_folder() -> Path:
     """Find the folder of the .msg files of ``cwmav_msgs``.
 
-    Looked for beside the source tree, in the Python environment, then in every prefix of ``AMENT_PREFIX_PATH``.
+    Looked for beside the source tree, in the Python environment, then in every prefix of
+    ``AMENT_PREFIX_PATH``.
 
     Raises
     ------

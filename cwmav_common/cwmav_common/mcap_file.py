@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One MCAP file, whole or damaged: where its pieces are, and each piece on demand.
 
-With an intact summary nothing but the summary is read. Without one the record headers are walked once. Only one
-piece (a chunk, or a window of loose messages) is in memory at a time, so the size of a recording does not matter.
+With an intact summary nothing but the summary is read. Without one the record headers are walked once. Only
+one piece (a chunk, or a window of loose messages) is in memory at a time, so the size of a recording does
+not matter.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-import lz4.frame
+import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -54,7 +55,7 @@ _CHUNK_HEAD = struct.Struct(
 
 @dataclass(frozen=True)
 class Piece:
-    """A chunk or a window of loose messages: place in the file, log times [ns], compression (None when loose)."""
+    """A chunk, or a window of loose messages (compression None): place in the file and log times [ns]."""
 
     offset: int
     size: int
@@ -150,7 +151,8 @@ class McapFile:
             indexed=True,
         )
 
-    # --- without ---------------------------------------------------------------------------------------------
+    # --- without
+    # ---------------------------------------------------------------------------------------------
 
     def _walk(self) -> Contents:
         self.contents = found = Contents()
@@ -268,7 +270,8 @@ class McapFile:
         """True when the summary gave all schemas and channels."""
         return self.contents.indexed
 
-    # --- chunk data --------------------------------------------------------------------------------------------
+    # --- chunk data
+    # --------------------------------------------------------------------------------------------
 
     def _inflate(self, piece: Piece, raw: bytes) -> bytes:
         place = f"chunk at byte {piece.offset}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in MCAP: written so that viewers open them as they are, read in bounded memory from whoever made them.
+"""Recordings in MCAP: written so that viewers open them as they are, read in bounded memory from anybody.
 
 :class:`BagWriter` writes profile ``ros2`` with embedded schemas, chunks, zstd, CRCs and a full index.
 :func:`open_recording` takes a bare ``.mcap`` or a rosbag2 folder, split or damaged, with or without an index.
@@ -107,13 +107,13 @@ class BagWriter:
         """Finish the file: last chunk, index, footer."""
         if not self._closed:
             self._closed = True
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
             self._stream.close()
 
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a recording; `count` messages, `schema` the embedded definition (empty when there is none)."""
+    """One topic of a recording; `schema` is the embedded definition, empty when there is none."""
 
     name: str
     type_name: str
@@ -134,7 +134,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Batch:
-    """The messages of one topic in one piece of a file, in file order; see :class:`cwmav_common.cdr.Columns`."""
+    """The messages of one topic in one piece, in file order, for :class:`cwmav_common.cdr.Columns`."""
 
     topic: Topic
     log_times: NDArray[np.int64]
@@ -233,7 +233,8 @@ class Recording:
     ) -> Iterator[Message]:
         """Go through the messages with ``start_ns <= log time < end_ns`` in order of log time.
 
-        Messages of equal time keep the order of the file. Only pieces that overlap in time are in memory together.
+        Messages of equal time keep the order of the file. Only pieces that overlap in time are in memory
+        together.
         """
         wanted = None if topics is None else set(topics)
         queue: list[tuple[int, int, Iterator[Message], Message]] = []
@@ -301,7 +302,7 @@ def _described_files(path: Path) -> list[str]:
 def write_rosbag2_metadata(
     folder: str | Path, recording: Recording, custom: Mapping[str, str] | None = None
 ) -> None:
-    """Write the ``metadata.yaml`` (version 9) that makes `folder` a rosbag2 bag of the files in `recording`."""
+    """Write the ``metadata.yaml`` (version 9) that makes `folder` a rosbag2 bag of the recording's files."""
     start, end = recording.span_ns
     topics = [
         {

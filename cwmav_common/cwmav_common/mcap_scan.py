@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Find the message records in a piece of MCAP data, compiled, because files may hold one message per sample.
 
-Record layout (MCAP specification, "Records"): opcode (1 byte), length (8), content; the content of a Message is
-channel id (2), sequence (4), log time (8), publish time (8), data. Everything is little-endian.
+Record layout (MCAP specification, "Records"): opcode (1 byte), length (8), content; the content of a
+Message is channel id (2), sequence (4), log time (8), publish time (8), data. Everything is little-endian.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _integer(buffer: NDArray[np.uint8], position: int, size: int) -> int:
     value = np.int64(0)
     for k in range(size):
         value |= np.int64(buffer[position + k]) << np.int64(8 * k)
-    return value
+    return value  # type: ignore[return-value]  # numba gives an int64
 
 
 @njit(cache=True)
@@ -77,7 +77,7 @@ def _count(buffer: NDArray[np.uint8], only_messages: bool) -> tuple[int, int, in
         if position + RECORD_HEADER > size:
             return messages, others, position, False
         opcode = buffer[position]
-        known = opcode == MESSAGE or opcode == SCHEMA or opcode == CHANNEL
+        known = opcode in (MESSAGE, SCHEMA, CHANNEL)
         if only_messages and not known:
             return messages, others, position, True
         length = _integer(buffer, position + 1, 8)
@@ -108,7 +108,7 @@ def _fill(buffer: NDArray[np.uint8], end: int, table: NDArray[np.int64], other: 
             table[2, i] = content + MESSAGE_HEADER
             table[3, i] = length - MESSAGE_HEADER
             i += 1
-        elif opcode == SCHEMA or opcode == CHANNEL:
+        elif opcode in (SCHEMA, CHANNEL):
             other[j] = position
             j += 1
         position = content + length

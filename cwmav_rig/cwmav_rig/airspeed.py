@@ -17,6 +17,6 @@ def density(temperature_celsius: Array | float, pressure: float) -> Array:
 
 
 def from_pitot(difference: Array, temperature_celsius: Array | float, pressure: float) -> Array:
-    """Speed ``sqrt(2 dp / rho)`` [m/s] from the pitot difference [Pa]; a negative difference gives a negative speed."""
+    """Speed ``sqrt(2 dp / rho)`` [m/s] from the pitot difference [Pa]; both have the same sign."""
     ratio = 2.0 * np.asarray(difference) / density(temperature_celsius, pressure)
     return np.asarray(np.sign(ratio) * np.sqrt(np.abs(ratio)))

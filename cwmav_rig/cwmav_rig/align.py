@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clocks of the instruments against that of the force sensor, from the edges of the synchroniser.
 
-Every instrument stamps the same edges with its own clock. A straight line through the readings gives offset and
-skew; what is left over says how well the streams agree.
+Every instrument stamps the same edges with its own clock. A straight line through the readings gives offset
+and skew; what is left over says how well the streams agree.
 """
 
 from __future__ import annotations

@@ -126,12 +126,12 @@ def analyse_data(
             f"{source}: no force samples; map the force topic (geometry_msgs/WrenchStamped or WrenchBlock)"
         )
     data, clocks = aligned(data, topic_map)
-    if window is not None:
-        data = windowed(data, window, source)
-    streams = {"force": data.force, "power": data.power, "angle_of_attack": data.angle, "wind": data.wind}
-    problems = _refuse_bad(source, streams)
+    data = data if window is None else windowed(data, window, source)
     force = data.force
-    assert force is not None
+    if force is None:
+        raise InputError(f"{source}: no force samples in the window")
+    streams = {"force": force, "power": data.power, "angle_of_attack": data.angle, "wind": data.wind}
+    problems = _refuse_bad(source, streams)
     try:
         cycles = find_cycles(force)
     except InputError as error:
@@ -244,8 +244,8 @@ def _refuse_bad(source: str, streams: Mapping[str, Block | Series | None]) -> li
         faults = ", ".join(f"{count} {fault}" for fault, count in sorted(stream.faults.items()))
         if stream.bad_fraction > LARGEST_BAD_SHARE:
             raise InputError(
-                f"{source}: {stream.bad_fraction:.0%} of the {name} samples are missing or unusable ({faults});"
-                f" at most {LARGEST_BAD_SHARE:.0%} is allowed"
+                f"{source}: {stream.bad_fraction:.0%} of the {name} samples are missing or unusable"
+                f" ({faults}); at most {LARGEST_BAD_SHARE:.0%} is allowed"
             )
         if stream.bad:
             notes.append(f"{source}: {stream.bad} of {stream.samples} {name} samples masked ({faults})")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples as the analysis sees them: uniform blocks with gaps marked, and stamped series.
 
-A :class:`Assembler` takes raw samples of any rate piece by piece and keeps bin means of about 1 kHz. Whole cycles
-last 30 ms and more, so means over cycles lose nothing, and an hour of 10 kHz recording fits into memory.
+A :class:`Assembler` takes raw samples of any rate piece by piece and keeps bin means of about 1 kHz. Whole
+cycles last 30 ms and more, so means over cycles lose nothing, and an hour of 10 kHz recording fits into
+memory.
 """
 
 from __future__ import annotations
@@ -50,12 +51,12 @@ class Block:
     @property
     def time(self) -> Array:
         """Times of the values, (n,) [s]."""
-        return self.start + self.step * np.arange(len(self.values))
+        return np.asarray(self.start + self.step * np.arange(len(self.values)), np.float64)
 
     @property
     def good(self) -> NDArray[np.bool_]:
         """Rows without a gap, (n,)."""
-        return np.isfinite(self.values).all(axis=1)
+        return np.asarray(np.isfinite(self.values).all(axis=1))
 
     @property
     def bad_fraction(self) -> float:
@@ -84,7 +85,7 @@ class Series:
 
 
 def series(time: Array, values: Array) -> Series:
-    """Order a stamped series, drop what is not finite or repeated, and count it; missing frames are counted too."""
+    """Order a stamped series, drop what is not finite or repeated, count that and missing values."""
     faults: Counter[str] = Counter()
     finite = np.isfinite(values) & np.isfinite(time)
     faults["nan"] = int((~finite).sum())
@@ -136,14 +137,15 @@ class Assembler:
         """Add g blocks of n samples: stamps (g,) [s] of their first samples, data (g, n, k)."""
         self._set_rate(rate)
         g, n, k = data.shape
-        kept, indices = [], []
+        kept: list[int] = []
+        indices: list[int] = []
         for j in range(g):
-            index = self._place(float(stamps[j]), int(sequences[j]), n)
-            if index is None:
+            place = self._place(float(stamps[j]), int(sequences[j]), n)
+            if place is None:
                 self.faults["duplicate"] += n
                 continue
             kept.append(j)
-            indices.append(index)
+            indices.append(place)
         if not kept:
             return
         values = np.asarray(data[kept], np.float64)
@@ -174,7 +176,7 @@ class Assembler:
             self._anchors.append((i, stamp))
         self._stamp = float(stamps[fresh][-1])
         self._next = int(index[-1]) + 1
-        self._add(index, np.asarray(data, np.float64)[fresh])
+        self._add(index.astype(np.int64), np.asarray(data, np.float64)[fresh])
 
     def finish(self) -> Block | None:
         """Give the block of all samples so far; None when there were none. More may be added afterwards."""

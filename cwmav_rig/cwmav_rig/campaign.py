@@ -14,8 +14,8 @@ from scipy.stats import qmc
 
 from cwmav_common.settings import setting
 from cwmav_rig.physics.drive import POWER_MODELS
-from cwmav_rig.synthesise import synthesise
 from cwmav_rig.synthesis_settings import Artefacts, Instruments, Synthesis
+from cwmav_rig.synthesise import synthesise
 
 Array = NDArray[np.float64]
 
@@ -41,8 +41,8 @@ class Campaign:
 def design(campaign: Campaign) -> Array:
     """Give the operating points, (n, 3): F [Hz], AoA [deg], U [m/s].
 
-    Corners and edge middles in F, a little outside of the box so that the box lies inside of the measured region,
-    then a Latin hypercube.
+    Corners and edge middles in F, a little outside of the box so that the box lies inside of the measured
+    region, then a Latin hypercube.
     """
     low = np.array([campaign.frequency_low, campaign.angle_low_deg, campaign.airspeed_low])
     high = np.array([campaign.frequency_high, campaign.angle_high_deg, campaign.airspeed_high])

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flapping cycles from the force: where each begins, its frequency, and which of them can be used.
 
-1. The fundamental is found in the power spectrum as the lowest significant line whose harmonics explain the rest
-   (mains lines and mount resonances have no such family).
+1. The fundamental is found in the power spectrum as the strongest line whose harmonics explain the rest;
+   mains lines and mount resonances have no such family.
 2. A complex demodulation at that frequency gives a coarse phase.
-3. The phase is refined against the mean waveform: harmonics of the cycle are fitted to all data, then in a Hann
-   window of one cycle the phase (and amplitude) shift that best explains the residual is solved for. This uses
-   every harmonic, so a force dominated by inertia or ringing at 2 F serves as well as a clean sine.
+3. The phase is refined against the mean waveform: harmonics of the cycle are fitted to all data, then in a
+   Hann window of one cycle the shift of phase and amplitude that best explains the residual is solved for.
+   This uses every harmonic, so a force dominated by inertia or ringing at 2 F serves as well as a clean sine.
 4. A cycle lasts from one multiple of 2 pi of the phase to the next.
 """
 
@@ -118,7 +118,7 @@ def _line(freqs: Array, amplitude: Array, frequency: float) -> float:
 
 
 def _family(freqs: Array, amplitude: Array, frequency: float) -> float:
-    """Amplitude on the harmonics, less what lies half-way between them: low for a multiple of the true one."""
+    """Amplitude on the harmonics less what lies half-way between them: low for a multiple of the true one."""
     on = sum(_line(freqs, amplitude, h * frequency) for h in range(1, 5))
     between = sum(_line(freqs, amplitude, (h - 0.5) * frequency) for h in range(1, 5))
     return on - between
@@ -133,7 +133,7 @@ def _centroid(freqs: Array, amplitude: Array, frequency: float) -> float:
 def refined_phase(signal: Array, step: float, frequency: float, good: Mask) -> Array:
     """Phase [rad] of the cycle at every sample of `signal` (n,)."""
     phase = _demodulated(signal, step, frequency)
-    width = max(5, int(round(1.0 / (frequency * step))) | 1)
+    width = max(5, round(1.0 / (frequency * step)) | 1)
     window = np.hanning(width + 2)[1:-1]
     for _ in range(REFINEMENTS):
         model, slope = _waveform(signal, phase, good, step, frequency)
@@ -151,9 +151,9 @@ def _demodulated(signal: Array, step: float, frequency: float) -> Array:
     n = len(signal)
     turn = 2.0 * np.pi * frequency * step * np.arange(n)
     # Two cycles of Hann: its zeros fall on the mean and on every other harmonic.
-    window = np.hanning(max(5, int(round(2.0 / (frequency * step))) | 1))
+    window = np.hanning(max(5, round(2.0 / (frequency * step)) | 1))
     carrier = fftconvolve((signal - signal.mean()) * np.exp(-1j * turn), window, mode="same")
-    return turn + np.unwrap(np.angle(carrier))
+    return np.asarray(turn + np.unwrap(np.angle(carrier)), np.float64)
 
 
 def _waveform(signal: Array, phase: Array, good: Mask, step: float, frequency: float) -> tuple[Array, Array]:
@@ -193,7 +193,7 @@ def _cut(block: Block, phase: Array, frequency: float, good: Mask) -> Cycles:
     lengths = np.diff(bounds)
     usual = np.median(lengths)
     wrong = np.abs(lengths / usual - 1.0) > DEVIATION
-    reach = max(1, int(round(0.5 / (frequency * block.step))))
+    reach = max(1, round(0.5 / (frequency * block.step)))
     masked = _touches(binary_dilation(~good, iterations=reach) if (~good).any() else ~good, block, bounds)
     rejected = Counter({"gap_or_masked": int(masked.sum()), "phase_lost": int((wrong & ~masked).sum())})
     return Cycles(bounds, ~(wrong | masked), +rejected)

@@ -106,7 +106,7 @@ def _topics(recording: Recording, duration: float) -> dict[str, dict[str, Any]]:
 
 
 def _gaps(recording: Recording, start: int) -> Iterator[dict[str, float]]:
-    """Pauses between the pieces of the files; pieces carry their first and last time, nothing else is read."""
+    """Find pauses between the pieces of the files, which carry their first and last time."""
     last = start
     for begin, end in recording.piece_spans():
         if (begin - last) * NANO > 1.0:

@@ -29,9 +29,9 @@ def lift_and_drag(
 
     Notes
     -----
-    The sensor feels aerodynamic force plus weight. A wind-off record at the same attitude holds the weight and
-    the zero of the sensor; records before and after give its drift, taken as linear in time. Inertial forces have
-    no mean over whole cycles.
+    The sensor feels aerodynamic force plus weight. A wind-off record at the same attitude holds the weight
+    and the zero of the sensor; records before and after give its drift, taken as linear in time. Inertial
+    forces have no mean over whole cycles.
     """
     role = topic_map.force
     if not tares and topic_map.tare != "none":
@@ -56,12 +56,12 @@ def lift_and_drag(
 
 
 def to_wind_axes(forward: Array, upward: Array, pitch: float) -> tuple[Array, Array]:
-    """Turn sensor forces into lift (normal to the wind, up) and drag (downstream); `pitch` is nose up [rad]."""
+    """Turn sensor forces into lift (normal to the wind, up) and drag (downstream); nose-up `pitch` [rad]."""
     return upward * np.cos(pitch) + forward * np.sin(pitch), upward * np.sin(pitch) - forward * np.cos(pitch)
 
 
 def tare_at(tares: Tares, time: Array) -> Array:
-    """Wrench of the wind-off records at `time` (n,), (n, 6): linear between them, constant outside, zero without."""
+    """Wrench of the wind-off records at `time` (n,), (n, 6): linear between them, zero without any."""
     if not tares:
         return np.zeros((len(time), 6))
     stamps = np.array([stamp for stamp, _ in tares])

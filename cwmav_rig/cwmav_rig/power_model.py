@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Electrical power between the recorded operating points: a Gaussian process with its uncertainty.
 
-The logarithm of power is regressed, because power spans a decade and its scatter grows with it. Each point enters
-with the standard uncertainty of its mean. A request outside of the convex hull of the points is answered, and
-marked as such.
+The logarithm of power is regressed, because power spans a decade and its scatter grows with it. Each point
+enters with the standard uncertainty of its mean. A request outside of the convex hull of the points is
+answered, and marked as such.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _JITTER = 1e-3  # relative; power readings agree no better than this from one re
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Power measured at one setting: F [Hz], AoA [rad], U [m/s], mean power and its standard uncertainty [W]."""
+    """Power at one setting: F [Hz], AoA [rad], U [m/s], mean power and its standard uncertainty [W]."""
 
     flapping_frequency: float
     angle_of_attack: float
@@ -132,7 +132,8 @@ class PowerModel:
         x = np.array([[flapping_frequency, angle_of_attack, airspeed]]) / SCALE
         if not np.isfinite(x).all():
             raise InputError(
-                f"power model: F {flapping_frequency} Hz, AoA {angle_of_attack} rad, U {airspeed} m/s; must be finite"
+                f"power model: F {flapping_frequency} Hz, AoA {angle_of_attack} rad, U {airspeed} m/s;"
+                " they must be finite"
             )
         mean, std = self._process.predict(x, return_std=True)
         power = float(np.exp(mean[0] + self._offset))

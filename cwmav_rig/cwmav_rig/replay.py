@@ -2,8 +2,9 @@
 """Play a recording again: on a clock, or in lock step as fast as the consumer takes it.
 
 The player never sleeps and starts no thread. On a clock, whoever owns the loop (a timer of a node) calls
-:meth:`Player.poll` and gets what is due; :meth:`Player.seconds_to_next` says when to come back. In lock step the
-messages come in the order of their log times whatever the load, so the same recording gives the same bytes.
+:meth:`Player.poll` and gets what is due; :meth:`Player.seconds_to_next` says when to come back. In lock step
+the messages come in the order of their log times whatever the load, so a recording always gives the same
+bytes.
 """
 
 from __future__ import annotations

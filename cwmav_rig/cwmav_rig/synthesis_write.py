@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Put synthetic signals into a recording as the laboratory's recorder would, plus the mark that they are synthetic."""
+"""Put synthetic signals into a recording as the laboratory's recorder would, marked synthetic."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def _wind(signals: Any, stamp: _Stamper) -> Iterator[Entry]:
 
 
 def _trigger(settings: Synthesis, signals: Any, stamp: _Stamper) -> Iterator[Entry]:
-    """One edge per second of true time, seen by every instrument in its own clock; frame_id names the clock."""
+    """Give one edge per second of true time, stamped by every instrument; frame_id names its clock."""
     for edge in range(int(np.floor(settings.seconds)) + 1):
         for name, clock in signals.clocks.items():
             reading = float(clock.shows(np.float64(edge)))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Synthetic rig recordings from a physical model, always marked as such, with their truth beside the data.
 
-The true motion (frequency, angle, airspeed) is drawn on a fine time grid, the air loads and the power follow from
-it, then each instrument sees them through its own clock, noise and faults (see ``physics``). The random streams
-of the parts are spawned from one seed, so that switching one artefact off leaves the rest unchanged.
+The true motion (frequency, angle, airspeed) is drawn on a fine time grid, the air loads and the power
+follow from it, then each instrument sees them through its own clock, noise and faults (see ``physics``).
+The random streams of the parts are spawned from one seed, so that switching one artefact off leaves the
+rest unchanged.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ class Clock:
     skew: float
 
     def shows(self, true_time: Array) -> Array:
-        """Reading [s] at true times."""
+        """Give the reading [s] at true times."""
         return self.offset + (1.0 + self.skew) * true_time
 
     def true(self, reading: Array) -> Array:
-        """True time [s] of readings."""
+        """Give the true time [s] of readings."""
         return (reading - self.offset) / (1.0 + self.skew)
 
 
@@ -51,7 +52,7 @@ class Motion:
 
     def at(self, name: str, time: Array) -> Array:
         """One quantity at given true times."""
-        return np.interp(time, self.time, getattr(self, name))
+        return np.asarray(np.interp(time, self.time, getattr(self, name)))
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def generate(settings: Synthesis) -> Signals:
 
 
 def synthesise(path: str | Path, settings: Synthesis | None = None) -> Truth:
-    """Write a synthetic recording to `path`: an ``.mcap`` file, or a rosbag2 folder when the name has no suffix.
+    """Write a synthetic recording: an ``.mcap`` file, or a rosbag2 folder when `path` has no suffix.
 
     Returns
     -------
@@ -149,11 +150,11 @@ def _motion(settings: Synthesis, rng: np.random.Generator) -> Motion:
     angle = angle + scatter.memory_process(n, step, spread.angle_memory, slow, rng)
     sigma = max(spread.airspeed_relative * settings.airspeed, spread.airspeed_least)
     wind = scatter.memory_process(n, step, spread.airspeed_memory, sigma, rng)
-    return Motion(time, frequency, phase, angle, settings.airspeed + wind)
+    return Motion(np.asarray(time, np.float64), frequency, phase, angle, settings.airspeed + wind)
 
 
 def _slow_angle(settings: Synthesis) -> float:
-    """Standard deviation of the slow part [rad]: what rocking and camera noise leave of the total."""
+    """Give the deviation of the slow part [rad]: what rocking and camera noise leave of the total."""
     spread = settings.scatter
     rest = spread.angle_deg**2 - spread.angle_rocking_deg**2 / 2.0 - settings.artefacts.pixel_noise_deg**2
     return float(np.radians(np.sqrt(max(rest, 0.0))))
@@ -169,7 +170,7 @@ def _clocks(settings: Synthesis, rng: np.random.Generator) -> dict[str, Clock]:
 
 
 def _air_loads(settings: Synthesis, motion: Motion, time: Array) -> tuple[Array, Array]:
-    """Body forces at `time` (n,): the cycle at the setting, plus the local change of its mean with the controls."""
+    """Body forces at `time` (n,): the cycle at the setting and the change of its mean with the controls."""
     point = _setting(settings)
     phase = motion.at("phase", time)
     table = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -206,7 +207,7 @@ def _force(
     settings: Synthesis, motion: Motion, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_], tuple[tuple[float, Array], ...], float]:
     art, ins = settings.artefacts, settings.instruments
-    n = int(round(settings.seconds * ins.force_rate))
+    n = round(settings.seconds * ins.force_rate)
     time = np.arange(n) / ins.force_rate
     along, normal = _air_loads(settings, motion, time)
     phase, frequency = motion.at("phase", time), motion.at("frequency", time)
@@ -239,7 +240,7 @@ def _force(
 
 def _hanging(settings: Synthesis) -> Array:
     """Force on the sensor with wind and drive off at the same attitude, (m, 3) [N]."""
-    n = int(round(settings.instruments.tare_seconds * settings.instruments.force_rate))
+    n = round(settings.instruments.tare_seconds * settings.instruments.force_rate)
     angle = np.radians(settings.angle_of_attack_deg)
     weight = settings.artefacts.weight
     return np.tile([-weight * np.sin(angle), 0.0, -weight * np.cos(angle)], (n, 1))
@@ -281,7 +282,7 @@ def _power(
     settings: Synthesis, motion: Motion, clock: Clock, rng: np.random.Generator
 ) -> tuple[Array, Array, float]:
     art, ins = settings.artefacts, settings.instruments
-    n = int(round(settings.seconds * ins.power_rate))
+    n = round(settings.seconds * ins.power_rate)
     time = clock.true(np.arange(n) / ins.power_rate)
     point = _setting(settings)
     mean = drive.electrical_power(settings.power_model, point)
@@ -336,7 +337,7 @@ def _camera(
     settings: Synthesis, motion: Motion, clock: Clock, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     art = settings.artefacts
-    n = int(round(settings.seconds * settings.instruments.camera_rate))
+    n = round(settings.seconds * settings.instruments.camera_rate)
     stamps = np.arange(n) / settings.instruments.camera_rate
     noise = np.radians(art.pixel_noise_deg) * rng.standard_normal(n)
     values = motion.at("angle", clock.true(stamps)) + noise
@@ -347,7 +348,7 @@ def _camera(
 
 
 def _tunnel(settings: Synthesis, motion: Motion, clock: Clock) -> tuple[Array, Array]:
-    n = int(round(settings.seconds * settings.instruments.wind_rate))
+    n = round(settings.seconds * settings.instruments.wind_rate)
     stamps = np.arange(n) / settings.instruments.wind_rate
     return stamps, motion.at("airspeed", clock.true(stamps))
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which topic of a recording plays which role on the rig.
 
-A map is a YAML file, or stands in the recording's metadata, or is guessed from the message types when each role
-has exactly one candidate.
+A map is a YAML file, or stands in the recording's metadata, or is guessed from the message types when each
+role has exactly one candidate.
 """
 
 from __future__ import annotations
@@ -154,13 +154,14 @@ def load_topic_map(path: str | Path) -> TopicMap:
     Raises
     ------
     InputError
-        The file cannot be read, a key or value is not allowed, or ``tare`` is missing although force is mapped.
+        The file cannot be read, a key or value is not allowed, or ``tare`` is missing although force is
+        mapped.
     """
     topic_map = from_plain(read_yaml(path), str(path))
     if topic_map.force.topic and not topic_map.tare_said:
         raise InputError(
-            f"{path}: 'tare' is missing; give the recording of the wind-off run, {{topic: ..}} of wind-off blocks,"
-            " or say 'none' (the weight is then part of the lift)"
+            f"{path}: 'tare' is missing; give the recording of the wind-off run, {{topic: ..}} of wind-off"
+            " blocks, or say 'none' (the weight is then part of the lift)"
         )
     base = Path(path).parent
     if topic_map.tare and topic_map.tare != "none" and not Path(topic_map.tare).is_absolute():

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Electrical power of crank, gear and motor.
 
-``physical`` (default): mean aerodynamic, inertial and friction power of four panels through gear and motor on a
-bench supply held at a constant voltage. ``paper_law``: the smallest law that has the optima of the paper's Tables
-5 and 6; no flapping drive behaves like it, and every output that uses it says so.
+``physical`` (default): mean aerodynamic, inertial and friction power of four panels through gear and motor
+on a bench supply held at a constant voltage. ``paper_law``: the smallest law that has the optima of the
+paper's Tables 5 and 6; no flapping drive behaves like it, and every output that uses it says so.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def memory_process(n: int, step: float, memory: float, sigma: float, rng: np.random.Generator) -> Array:
-    """Ornstein-Uhlenbeck process at uniform steps, (n,), standard deviation `sigma`, correlation time `memory` [s].
+    """Ornstein-Uhlenbeck process (n,) at uniform steps of deviation `sigma` and correlation time `memory`.
 
     Exact in distribution at any step: AR(1) with coefficient ``exp(-step / memory)``, started stationary.
     """
@@ -25,7 +25,10 @@ def memory_process(n: int, step: float, memory: float, sigma: float, rng: np.ran
 
 
 def averaging_ratio(window: float, memory: float) -> float:
-    """Variance of a window mean of such a process over its variance: ``2 (a - 1 + exp(-a)) / a^2``, a = window/memory."""
+    """Variance of a window mean of such a process over its variance.
+
+    ``2 (a - 1 + exp(-a)) / a^2`` with a = window / memory.
+    """
     a = window / memory
     return float(2.0 * (a - 1.0 + np.exp(-a)) / a**2)
 

@@ -14,7 +14,7 @@ MOTOR_HEATING, HEATING_TIME = 10.0, 120.0  # K, s
 
 
 def resonance(force: Array, rate: float, frequency: float, damping: float) -> Array:
-    """Pass (n,) force through a mount of one degree of freedom with static gain one (exact zero-order hold)."""
+    """Pass force (n,) through a mount of one degree of freedom, static gain one (exact zero-order hold)."""
     w = 2.0 * np.pi * frequency
     wd = w * np.sqrt(1.0 - damping**2)
     step = 1.0 / rate

@@ -109,8 +109,8 @@ class RigReader:
         type_name = batch.topic.type_name
         if type_name in CAMERA_TYPES:
             raise InputError(
-                f"{self.path}: topic {batch.topic.name} holds camera frames; readable for the angle of attack are"
-                " ScalarStamped, Float64 and QuaternionStamped"
+                f"{self.path}: topic {batch.topic.name} holds camera frames; readable for the angle of"
+                " attack are ScalarStamped, Float64 and QuaternionStamped"
             )
         for role in self.roles[batch.topic.name]:
             if role == "force":
@@ -157,10 +157,10 @@ class RigReader:
         """Header stamps from the origin [s]; log times for messages without a stamp."""
         logged = (batch.log_times[group.rows] - self.origin) * 1e-9
         if _STAMP[0] not in group.columns:
-            return np.asarray(logged)
+            return np.asarray(logged, np.float64)
         sec, nanosec = (group.columns[path].astype(np.int64) for path in _STAMP)
         stamps = sec * 1_000_000_000 + nanosec
-        return np.where(stamps > 0, (stamps - self.origin) * 1e-9, logged)
+        return np.asarray(np.where(stamps > 0, (stamps - self.origin) * 1e-9, logged), np.float64)
 
     def _samples(self, batch: Batch, paths: tuple[str, ...]) -> tuple[Array, Array]:
         stamped = batch.topic.type_name != "std_msgs/msg/Float64"
@@ -206,7 +206,7 @@ class RigReader:
     def _blocks(
         self, batch: Batch, paths: tuple[str, ...]
     ) -> Iterator[tuple[Group, float, NDArray[np.int64]]]:
-        """Runs of blocks with one layout and one rate, in the order they were recorded."""
+        """Give runs of blocks with one layout and one rate, in the order they were recorded."""
         groups = list(self._groups(batch, paths))
         position = np.concatenate([group.rows for group in groups]) if groups else np.empty(0, np.int64)
         owner = np.repeat(np.arange(len(groups)), [len(group.rows) for group in groups])
@@ -261,7 +261,8 @@ class RigReader:
                 if good.any():
                     self.tares.append((stamp, samples[good].mean(axis=0)))
 
-    # --- roles made of single samples --------------------------------------------------------------------------
+    # --- roles made of single samples
+    # --------------------------------------------------------------------------
 
     def _joined(self, role: str) -> tuple[Array, Array] | None:
         parts = [part for part in self.singles.get(role, []) if len(part[0])]
@@ -278,7 +279,7 @@ class RigReader:
 
         def turn(values: Array) -> Array:
             angle = _pitch(values) if values.shape[1] == 4 else values[:, 0]
-            return role.gain * angle + np.radians(role.offset_deg)
+            return np.asarray(role.gain * angle + np.radians(role.offset_deg))
 
         return self._scalar("angle_of_attack", turn)
 
@@ -329,7 +330,7 @@ class RigReader:
 
 
 def _pitch(quaternion: Array) -> Array:
-    """Pitch angle (nose up positive) of unit quaternions (n, 4) x y z w in axes x forward, y left, z up [rad]."""
+    """Pitch [rad], nose up positive, of quaternions (n, 4) x y z w in axes x forward, y left, z up."""
     x, y, z, w = quaternion.T / np.linalg.norm(quaternion, axis=1)
     # A turn about y (left) lowers the nose, hence the sign.
     return np.asarray(-np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)))
