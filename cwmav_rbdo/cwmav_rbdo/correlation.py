@@ -42,7 +42,8 @@ class Gaussian:
 
     def value(self, s: Array) -> Array:
         """Correlation, 1 at ``s = 0``."""
-        return np.exp(-0.5 * s)
+        value = np.multiply(s, -0.5)
+        return np.exp(value, out=value)
 
     def slope(self, s: Array, value: Array) -> Array:
         """Differentiate with respect to `s`."""

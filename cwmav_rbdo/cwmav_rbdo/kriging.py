@@ -22,11 +22,14 @@ from cwmav_rbdo import universal_kriging as uk
 from cwmav_rbdo.correlation import correlation
 from cwmav_rbdo.likelihood import Hyperparameters, Likelihood, maximise
 from cwmav_rbdo.replicates import merge_replicates
+from cwmav_rbdo.threads import for_each_block, single_thread
 from cwmav_rbdo.trend import TRENDS, basis, terms
-from cwmav_rbdo.universal_kriging import CHUNK, Process
+from cwmav_rbdo.universal_kriging import Process
 
 Array = NDArray[np.float64]
 
+BLOCK_ENTRIES = 1 << 17
+"""Entries of the correlation between new points and samples that are made at once: 1 MiB, near the cache."""
 _UNRESOLVED = 1e-12
 """A spread this small relative to the magnitude is rounding, not information."""
 
@@ -122,7 +125,8 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             (y - self.y_offset_) / self.y_scale_,
             noise / self.y_scale_**2,
         )
-        fitted, likelihood = self._fit_scaled(Z, f, scaled_noise)
+        with single_thread():
+            fitted, likelihood = self._fit_scaled(Z, f, scaled_noise)
         self._store(fitted)
         self.log_likelihood_ = likelihood
         self.trend_ = fitted.process.trend
@@ -150,14 +154,11 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         """
         Z = self._new_points(X)
         if not (return_std or return_mse):
-            mean = _in_chunks(lambda block: uk.predict(self.fitted_, block), Z, ())
+            mean = _in_blocks(uk.predict, self.fitted_, Z, ())
             return self.y_offset_ + self.y_scale_ * mean
-        mean, mse = np.empty(len(Z)), np.empty(len(Z))
-        for start in range(0, len(Z), CHUNK):
-            block = slice(start, start + CHUNK)
-            mean[block], mse[block] = uk.predict_with_mse(self.fitted_, Z[block])
-        mean = self.y_offset_ + self.y_scale_ * mean
-        mse *= self.y_scale_**2
+        pair = _in_blocks(uk.predict_with_mse, self.fitted_, Z, (2,))
+        mean = self.y_offset_ + self.y_scale_ * pair[:, 0]
+        mse = self.y_scale_**2 * pair[:, 1]
         return mean, mse if return_mse else np.sqrt(mse)
 
     def gradient(self, X: ArrayLike) -> Array:
@@ -270,32 +271,36 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def _fit_scaled(self, Z: Array, f: Array, noise: Array) -> tuple[uk.Fitted, float]:
         """Fit every candidate trend and keep the one with the least leave-one-out error."""
         fits = []
+        found: Hyperparameters | None = None
         for trend in self._candidates(*Z.shape):
-            found = self._hyperparameters(Z, f, basis(trend, Z), noise)
+            found = self._hyperparameters(Z, f, basis(trend, Z), noise, found)
             process = Process(correlation(self.kernel), trend, found.length_scale, found.nugget)
             fitted = uk.condition(process, Z, f, noise, found.process_variance)
             fits.append((fitted, found.log_likelihood))
         return min(fits, key=lambda fit: _loo_rmse(fit[0]))
 
-    def _hyperparameters(self, Z: Array, f: Array, H: Array, noise: Array) -> Hyperparameters:
+    def _hyperparameters(
+        self, Z: Array, f: Array, H: Array, noise: Array, simpler: Hyperparameters | None
+    ) -> Hyperparameters:
         smallest = (10.0 + len(f)) * np.finfo(float).eps
         nugget = None if self.nugget == "estimate" else float(self.nugget or smallest)
         likelihood = Likelihood(correlation(self.kernel), Z, f, H, noise, nugget)
         if self.length_scale is not None:
             return self._given(likelihood, nugget or smallest)
         if not np.any(f):
-            return Hyperparameters(
-                np.ones(Z.shape[1]), 1.0 if likelihood.noisy else None, nugget or 0.1, np.nan
-            )
+            return _unsearched(np.ones(Z.shape[1]), likelihood.noisy, nugget or 0.1)
         rng = np.random.default_rng(self.random_state)
-        return maximise(likelihood, likelihood.starts(rng, self.starts))
+        if simpler is None:
+            return maximise(likelihood, likelihood.starts(rng, self.starts))
+        # The optimum of a simpler trend is a good start; one fresh start guards against its neighbourhood.
+        return maximise(likelihood, np.vstack([simpler.logarithms, likelihood.starts(rng, 1)]))
 
     def _given(self, likelihood: Likelihood, nugget: float) -> Hyperparameters:
         length = np.broadcast_to(np.asarray(self.length_scale, dtype=np.float64), self.x_scale_.shape)
         if not np.all(length > 0.0):
             raise InputError(f"length_scale = {self.length_scale!r}: every entry must be > 0")
         scaled = (length / self.x_scale_)[self.active_]
-        return Hyperparameters(scaled, 1.0 if likelihood.noisy else None, nugget, np.nan)
+        return _unsearched(scaled, likelihood.noisy, nugget)
 
     def _store(self, fitted: uk.Fitted) -> None:
         self.fitted_ = fitted
@@ -306,7 +311,7 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _gradient(self, X: ArrayLike, function: Callable[[uk.Fitted, Array], Array], unit: float) -> Array:
         Z = self._new_points(X)
-        scaled = _in_chunks(lambda block: function(self.fitted_, block), Z, (Z.shape[1],))
+        scaled = _in_blocks(function, self.fitted_, Z, (Z.shape[1],))
         full = np.zeros((len(Z), len(self.x_scale_)))
         full[:, self.active_] = unit * scaled / self.x_scale_[self.active_]
         return full
@@ -318,13 +323,24 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return tags
 
 
+def _unsearched(length: Array, noisy: bool, nugget: float) -> Hyperparameters:
+    return Hyperparameters(np.empty(0), length, 1.0 if noisy else None, nugget, np.nan)
+
+
 def _loo_rmse(fitted: uk.Fitted) -> float:
     errors, _ = uk.leave_one_out(fitted)
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _in_chunks(function: Callable[[Array], Array], Z: Array, shape: tuple[int, ...]) -> Array:
+def _in_blocks(
+    function: Callable[[uk.Fitted, Array], Array], fitted: uk.Fitted, Z: Array, shape: tuple[int, ...]
+) -> Array:
+    """Evaluate a function of new points block by block, so that memory stays bounded."""
     out = np.empty((len(Z), *shape))
-    for start in range(0, len(Z), CHUNK):
-        out[start : start + CHUNK] = function(Z[start : start + CHUNK])
+    rows = max(BLOCK_ENTRIES // len(fitted.X), 1)
+
+    def fill(block: slice) -> None:
+        out[block] = function(fitted, Z[block])
+
+    for_each_block(fill, [slice(start, start + rows) for start in range(0, len(Z), rows)])
     return out

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from cwmav_rbdo.correlation import Correlation
-from cwmav_rbdo.universal_kriging import inverse_factor
+from cwmav_rbdo.universal_kriging import cholesky_factor
 
 Array = NDArray[np.float64]
 
@@ -36,11 +36,28 @@ ITERATIONS = 100
 class Hyperparameters:
     """Maximiser of the likelihood."""
 
+    logarithms: Array
+    """All of them as the search sees them."""
     length_scale: Array
     process_variance: float | None
     """Only with noise; without it Eq. 17's companion gives it in closed form."""
     nugget: float
     log_likelihood: float
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What one evaluation of the likelihood leaves for its gradient."""
+
+    value: float
+    L: Array
+    residual: Array
+    s: Array
+    r: Array
+    length: Array
+    variance: float
+    nugget: float
+    relative_noise: Array
 
 
 class Likelihood:
@@ -63,7 +80,8 @@ class Likelihood:
         self, correlation: Correlation, X: Array, f: Array, H: Array, noise: Array, nugget: float | None
     ) -> None:
         n, d = X.shape
-        self.correlation, self.f, self.H, self.noise = correlation, f, H, noise
+        self.correlation, self.f, self.noise = correlation, f, noise
+        self._right = np.asfortranarray(np.column_stack([H, f]))
         self.noisy = bool(np.any(noise > 0.0))
         self.fixed_nugget = nugget
         self._lower = np.tril_indices(n, -1)
@@ -83,59 +101,62 @@ class Likelihood:
         nugget = float(values[-1]) if self.fixed_nugget is None else self.fixed_nugget
         return values[: self.dimension], variance, nugget
 
+    def value(self, p: Array) -> float:
+        """Negative log-likelihood per sample."""
+        parts = self._factor(p)
+        return np.inf if parts is None else parts.value
+
     def __call__(self, p: Array) -> tuple[float, Array]:
         """Negative log-likelihood per sample and its gradient."""
+        parts = self._factor(p)
+        if parts is None:
+            return 1e10, np.zeros(len(p))
+        return parts.value, self._gradient(parts) / len(self.f)
+
+    def _factor(self, p: Array) -> _Parts | None:
+        """Factorise the correlation matrix and solve Eq. 17; None where the matrix is singular."""
         length, variance, nugget = self.unpack(p)
         n = len(self.f)
         s = (1.0 / length**2) @ self._squared
         r = self.correlation.value(s)
-        R = np.zeros((n, n))
+        R = np.zeros((n, n), order="F")
         R[self._lower] = r
         relative_noise = self.noise / variance
         R[np.diag_indices(n)] = 1.0 + nugget + relative_noise
         try:
-            L_inv, _ = inverse_factor(R)
+            L, _ = cholesky_factor(R)
         except np.linalg.LinAlgError:
-            return 1e10, np.zeros(len(p))
-        F = L_inv @ self.H
-        whitened = L_inv @ self.f
-        Q, _ = qr(F, mode="economic", check_finite=False)
-        residual = whitened - Q @ (Q.T @ whitened)
+            return None
+        whitened, _ = lapack.dtrtrs(L, self._right, lower=1)
+        Q, _ = qr(whitened[:, :-1], mode="economic", check_finite=False)
+        residual = whitened[:, -1] - Q @ (Q.T @ whitened[:, -1])
         q = max(float(residual @ residual), np.finfo(float).tiny)
         if not self.noisy:
             variance = q / n
-        log_det = -2.0 * float(np.sum(np.log(np.diag(L_inv))))
-        value = 0.5 * (n * np.log(2.0 * np.pi * variance) + log_det + q / variance)
-        return value / n, self._gradient(L_inv, residual, s, r, length, variance, nugget, relative_noise) / n
+        log_det = 2.0 * float(np.sum(np.log(np.diag(L))))
+        value = 0.5 * (n * np.log(2.0 * np.pi * variance) + log_det + q / variance) / n
+        return _Parts(value, L, residual, s, r, length, variance, nugget, relative_noise)
 
-    def _gradient(
-        self,
-        L_inv: Array,
-        residual: Array,
-        s: Array,
-        r: Array,
-        length: Array,
-        variance: float,
-        nugget: float,
-        relative_noise: Array,
-    ) -> Array:
+    def _gradient(self, parts: _Parts) -> Array:
         n = len(self.f)
-        R_inv, _ = lapack.dlauum(L_inv, lower=1)
-        gamma = L_inv.T @ residual
+        residual, variance = parts.residual, parts.variance
+        gamma, _ = lapack.dtrtrs(parts.L, residual, lower=1, trans=1)
+        R_inv, _ = lapack.dpotri(parts.L, lower=1)
         # W holds dlogL/dR: gamma gamma' / sigma^2 - R^-1, of which the lower triangle is enough.
         W = gamma[self._lower[0]] * gamma[self._lower[1]]
         W /= variance
         W -= R_inv[self._lower]
-        W *= self.correlation.slope(s, r)
+        W *= self.correlation.slope(parts.s, parts.r)
         # The sum over i < j counts every pair once: the factor 1/2 of the likelihood cancels.
-        parts = [(-2.0 / length**2) * (self._squared @ W)]
+        slopes = [(-2.0 / parts.length**2) * (self._squared @ W)]
         diagonal = gamma**2 / variance - np.diag(R_inv)
         if self.noisy:
             q = float(residual @ residual)
-            parts.append(np.array([-0.5 * (n - q / variance) - 0.5 * float(diagonal @ relative_noise)]))
+            of_noise = float(diagonal @ parts.relative_noise)
+            slopes.append(np.array([-0.5 * (n - q / variance) - 0.5 * of_noise]))
         if self.fixed_nugget is None:
-            parts.append(np.array([0.5 * nugget * float(diagonal.sum())]))
-        return -np.concatenate(parts)
+            slopes.append(np.array([0.5 * parts.nugget * float(diagonal.sum())]))
+        return -np.concatenate(slopes)
 
     def starts(self, rng: np.random.Generator, count: int) -> Array:
         """Best of a screened Latin hypercube in the logarithms; (count, number of hyperparameters)."""
@@ -149,7 +170,7 @@ class Likelihood:
             high.append(np.log(1e-1))
         screened = max(count, SCREENING_PER_VARIABLE * len(low))
         points = qmc.scale(qmc.LatinHypercube(len(low), rng=rng).random(screened), low, high)
-        values = np.array([self(p)[0] for p in points])
+        values = np.array([self.value(p) for p in points])
         return points[np.argsort(values, kind="stable")[:count]]
 
 
@@ -169,11 +190,11 @@ def maximise(likelihood: Likelihood, starts: Array) -> Hyperparameters:
             jac=True,
             method="L-BFGS-B",
             bounds=likelihood.bounds,
-            options={"maxiter": ITERATIONS, "ftol": 1e-9, "gtol": 1e-6},
+            options={"maxiter": ITERATIONS, "ftol": 1e-7, "gtol": 1e-6},
         )
         if found.fun < best_value:
             best_value, best_point = float(found.fun), found.x
     length, variance, nugget = likelihood.unpack(best_point)
     return Hyperparameters(
-        length, variance if likelihood.noisy else None, nugget, -best_value * len(likelihood.f)
+        best_point, length, variance if likelihood.noisy else None, nugget, -best_value * len(likelihood.f)
     )

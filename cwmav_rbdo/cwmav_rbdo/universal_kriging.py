@@ -22,9 +22,6 @@ from cwmav_rbdo.trend import basis, basis_gradient
 
 Array = NDArray[np.float64]
 
-CHUNK = 4096
-"""Rows predicted at once: the work arrays of 4096 x n stay near the cache and memory stays bounded."""
-
 _LARGEST_NUGGET = 1e-6
 
 
@@ -74,12 +71,17 @@ def correlation_matrix(process: Process, X: Array, noise: Array, process_varianc
     return R
 
 
-def inverse_factor(R: Array) -> tuple[Array, float]:
-    """Invert the Cholesky factor of R, with the least added nugget that lets the factorisation succeed.
+def cholesky_factor(R: Array) -> tuple[Array, float]:
+    """Factorise R, with the least nugget added that lets the factorisation succeed.
+
+    Parameters
+    ----------
+    R : (n, n) array
+        Only the lower triangle is read.
 
     Returns
     -------
-    L_inv : (n, n) array
+    L : (n, n) array
         Lower triangular, Fortran order.
     added : float
         What was added to the diagonal, zero in the regular case.
@@ -91,15 +93,14 @@ def inverse_factor(R: Array) -> tuple[Array, float]:
     """
     added = 0.0
     while True:
-        try:
-            L = cholesky(R + added * np.eye(len(R)) if added else R, lower=True, check_finite=False)
-            break
-        except np.linalg.LinAlgError:
-            if added >= _LARGEST_NUGGET:
-                raise
-            added = max(10.0 * added, len(R) * np.finfo(float).eps)
-    L_inv, _ = lapack.dtrtri(np.asfortranarray(L), lower=1)
-    return np.asfortranarray(np.tril(L_inv)), added
+        L, info = lapack.dpotrf(R, lower=1)
+        if info == 0:
+            return L, added
+        if added >= _LARGEST_NUGGET:
+            raise np.linalg.LinAlgError("singular correlation matrix")
+        more = max(9.0 * added, len(R) * np.finfo(float).eps)
+        R = R + more * np.eye(len(R))
+        added += more
 
 
 def condition(
@@ -118,7 +119,8 @@ def condition(
         Needed with noise; without it the maximum-likelihood value (f - H v)' R^-1 (f - H v) / n is taken.
     """
     variance = 1.0 if process_variance is None else process_variance
-    L_inv, added = inverse_factor(correlation_matrix(process, X, noise, variance))
+    L, added = cholesky_factor(correlation_matrix(process, X, noise, variance))
+    L_inv, _ = lapack.dtrtri(L, lower=1)
     if added:
         process = replace(process, nugget=process.nugget + added)
     return solve(process, X, f, noise, L_inv, process_variance)
@@ -153,20 +155,22 @@ def predict(fitted: Fitted, X_new: Array) -> Array:
     return mean
 
 
-def predict_with_mse(fitted: Fitted, X_new: Array) -> tuple[Array, Array]:
-    """Prediction of Eq. 18 and its mean square error, Eq. 20; both (m,).
+def predict_with_mse(fitted: Fitted, X_new: Array) -> Array:
+    """Prediction of Eq. 18 and its mean square error, Eq. 20, in the two columns of an (m, 2) array.
 
     The error is that of the response without noise. Rounding can leave it slightly negative at a sample; it
     is then zero.
     """
+    out = np.empty((len(X_new), 2))
     r, _ = correlation_vector(fitted, X_new)
     h = basis(fitted.process.trend, X_new)
-    mean = h @ fitted.v + r @ fitted.gamma
+    out[:, 0] = h @ fitted.v + r @ fitted.gamma
     whitened = blas.dtrmm(1.0, fitted.L_inv, r.T, lower=1, overwrite_b=1).T
     u = (whitened @ fitted.F - h) @ fitted.G_inv
     reduction = np.einsum("ij,ij->i", whitened, whitened)
     mse = fitted.process_variance * (1.0 - reduction + np.einsum("ij,ij->i", u, u))  # Eq. 20
-    return mean, np.maximum(mse, 0.0, out=mse)
+    np.maximum(mse, 0.0, out=out[:, 1])
+    return out
 
 
 def _weighted_slope(fitted: Fitted, X_new: Array, slope: Array, weights: Array) -> Array:

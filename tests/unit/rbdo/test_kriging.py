@@ -250,7 +250,7 @@ def test_chunks_do_not_change_the_prediction(branin_samples, monkeypatch):
     model = Kriging().fit(*branin_samples)
     new = hypercube(100, 2, seed=6)
     whole = model.predict(new, return_mse=True)
-    monkeypatch.setattr("cwmav_rbdo.kriging.CHUNK", 7)
+    monkeypatch.setattr("cwmav_rbdo.kriging.BLOCK_ENTRIES", 7 * 40)
     for a, b in zip(model.predict(new, return_mse=True), whole, strict=True):
         assert_allclose(a, b, rtol=1e-6, atol=1e-4)
     assert_allclose(model.predict(new), whole[0], rtol=1e-6, atol=1e-4)
