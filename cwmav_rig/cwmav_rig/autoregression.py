@@ -2,7 +2,8 @@
 """Memory of a record: an autoregressive model, free of the bias that a removed mean leaves behind.
 
 Subtracting the sample mean lowers every sample autocovariance by about the variance of that mean. Over some
-hundred cycles with a memory of five this makes intervals 10 % too short, so it is added back until it settles.
+hundred cycles with a memory of five this makes intervals 10 % too short, so it is added back until it
+settles.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class Memory:
     sum_correlations
         ``1 + 2 sum rho_k``: the mean of n values has the variance ``variance * sum_correlations / n``.
     sum_squares
-        ``1 + 2 sum rho_k^2``: the variance of the variance of n normal values is ``2 variance^2 * sum_squares / n``.
+        ``1 + 2 sum rho_k^2``: the variance of the variance of n normal values is ``2 variance^2 *
+        sum_squares / n``.
     kurtosis
         Excess kurtosis of the innovations.
     order

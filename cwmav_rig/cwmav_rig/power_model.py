@@ -12,6 +12,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from cwmav_common.errors import InputError
 from cwmav_rig.analysis import RigReport, analyse
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "cwmav power model"
 LEAST_POINTS = 4
+_BUNDLED = {"physical": "power_model.json", "paper_law": "power_model_paper_law.json"}
 # Spans of the paper's design space (Eq. 7): they make distances in F [Hz], AoA [rad] and U [m/s] comparable.
 SCALE = np.array([26.0, np.radians(70.0), 6.0])
 FLAT = 0.03  # points that spread less than this share of a span are taken to lie at one value
@@ -103,6 +105,19 @@ class PowerModel:
         return cls([operating_point(analyse(path, topic_map)) for path in find_recordings(paths)])
 
     @classmethod
+    def bundled(cls, model: str = "physical") -> PowerModel:
+        """Give the model of the synthetic campaign that comes with the package.
+
+        Parameters
+        ----------
+        model
+            ``physical``, or ``paper_law``: the empirical law that has the optima of the paper's Tables 5 and 6.
+        """
+        if model not in _BUNDLED:
+            raise InputError(f"bundled power model {model!r}; allowed: {', '.join(_BUNDLED)}")
+        return cls.load(Path(str(resources.files("cwmav_rig") / "data" / _BUNDLED[model])))
+
+    @classmethod
     def load(cls, path: str | Path) -> PowerModel:
         """Read the operating points from a file that :meth:`save` wrote.
 
@@ -149,9 +164,9 @@ class PowerModel:
 
     def _fit(self, y: Array, noise: Array) -> None:
         dimensions = self._x.shape[1]
-        kernel = ConstantKernel(1.0, (1e-3, 1e3)) * RBF([0.5] * dimensions, (0.05, 50.0)) + WhiteKernel(
-            1e-5, (1e-8, 1e-2)
-        )
+        kernel = ConstantKernel(1.0, (1e-3, 1e3)) * Matern(
+            [0.5] * dimensions, (0.05, 50.0), nu=2.5
+        ) + WhiteKernel(1e-5, (1e-8, 1e-2))
         process = GaussianProcessRegressor(
             kernel, alpha=noise**2 + _JITTER**2, n_restarts_optimizer=2, random_state=0
         )

@@ -6,11 +6,11 @@ Successive cycles are not independent. A record of values x with variance s^2 an
     var(mean) = s^2 (1 + 2 sum rho_k) / n
     var(s^2)  = s^4 (2 (1 + 2 sum rho_k^2) + kappa) / n
 
-with the excess kurtosis kappa of the innovations (Bartlett's formula; Brockwell & Davis, Time Series, 7.3). The
-correlation is that of an autoregressive model of the cycle means. Scatter within the cycles (a body that rocks
-with the wings, reading noise) adds its own variance. The interval is that of a chi-square variable with the
-degrees of freedom ``nu = 2 s^4 / var(s^2)`` (Satterthwaite). The mean is estimated from the same record, which
-lowers s^2 by var(mean); this is added back (Zhang, Metrologia 43 (2006) S276).
+with the excess kurtosis kappa of the innovations (Bartlett's formula; Brockwell & Davis, Time Series, 7.3).
+The correlation is that of an autoregressive model of the cycle means. Scatter within the cycles (a body
+that rocks with the wings, reading noise) adds its own variance. The interval is that of a chi-square
+variable with the degrees of freedom ``nu = 2 s^4 / var(s^2)`` (Satterthwaite). The mean is estimated from
+the same record, which lowers s^2 by var(mean); this is added back (Zhang, Metrologia 43 (2006) S276).
 """
 
 from __future__ import annotations

@@ -67,8 +67,12 @@ def supply(power: Array, source_resistance: float) -> tuple[Array, Array]:
     """Voltage [V] and current [A] behind a source resistance [Ohm] whose product is `power`.
 
     The open-circuit voltage is such that the mean load sees the supply voltage: v = v0 - r i and v i = power.
+    Leads for a large current are thick: they never take more than a tenth of the supply voltage.
     """
     mean_current = power.mean() / SUPPLY_VOLTAGE
+    source_resistance = min(source_resistance, 0.1 * SUPPLY_VOLTAGE / mean_current)
     open_circuit = SUPPLY_VOLTAGE + source_resistance * mean_current
+    if source_resistance == 0.0:
+        return np.full_like(power, SUPPLY_VOLTAGE), power / SUPPLY_VOLTAGE
     voltage = 0.5 * (open_circuit + np.sqrt(open_circuit**2 - 4.0 * source_resistance * power))
     return voltage, power / voltage
