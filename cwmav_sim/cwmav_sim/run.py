@@ -41,6 +41,10 @@ class Progress:
         Lift at this instant [N].
     seconds_left : float
         Estimate of the wall time still needed [s].
+    drag, power : float
+        Drag at this instant [N] and power given to the air [W].
+    mean_lift : float
+        Mean lift over the last complete cycle [N]; NaN before the first.
     """
 
     fraction: float
@@ -49,6 +53,9 @@ class Progress:
     time: float
     lift: float
     seconds_left: float
+    drag: float
+    power: float
+    mean_lift: float
 
 
 OnProgress = Callable[[Progress], None]
@@ -155,6 +162,9 @@ class _Watch:
         self._started = time.perf_counter()
         self._interval = 1.0 / (_REPORTS_PER_CYCLE * case.flapping_frequency)
         self._next = 0.0
+        self._time = 0.0
+        self._cycle, self._impulse, self._begin = 1, 0.0, 0.0
+        self._mean_lift = float("nan")
 
     def wall(self) -> float:
         """Seconds since the run started."""
@@ -171,13 +181,26 @@ class _Watch:
             raise WorkError(
                 f"the flow became undefined at t = {info.time:.5f} s ({describe_point(self._case)})"
             )
+        self._follow_mean(info.time, lift, cycle)
         if self._on_progress is None or info.time < self._next:
             return
         self._next = info.time + self._interval
         cycles = max(cycle, self._case.run.cycles)
         fraction = min(1.0, info.time * self._case.flapping_frequency / cycles)
         left = self.wall() * (1.0 / fraction - 1.0) if fraction > 0 else float("nan")
-        self._on_progress(Progress(fraction, cycle, cycles, info.time, lift, left))
+        drag = self._case.copies * float(info.pressure[:, 0].sum() + info.viscous[:, 0].sum())
+        power = self._case.copies * float(np.sum(info.power))
+        self._on_progress(
+            Progress(fraction, cycle, cycles, info.time, lift, left, drag, power, self._mean_lift)
+        )
+
+    def _follow_mean(self, now: float, lift: float, cycle: int) -> None:
+        """Integrate the lift; `now` is the end of a step that belongs to `cycle`."""
+        if cycle > self._cycle:
+            self._mean_lift = self._impulse / (self._time - self._begin)
+            self._cycle, self._impulse, self._begin = cycle, 0.0, self._time
+        self._impulse += lift * (now - self._time)
+        self._time = now
 
 
 def _binned(case: Case, history: History) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -167,7 +167,7 @@ def answered(call: Future[Any], take: Callable[[Any], Any]) -> Future[Any]:
     result: Future[Any] = Future()
 
     def pass_on(done: Future[Any]) -> None:
-        if result.cancelled():
+        if result.done():
             return
         try:
             response = done.result()
@@ -178,4 +178,10 @@ def answered(call: Future[Any], take: Callable[[Any], Any]) -> Future[Any]:
             result.set_exception(error)
 
     call.add_done_callback(pass_on)
+    drop_with(result, call)
     return result
+
+
+def drop_with(result: Future[Any], source: Future[Any]) -> None:
+    """Cancel `source` when `result`, which is made from it, is cancelled."""
+    result.add_done_callback(lambda done: source.cancel() if done.cancelled() else None)

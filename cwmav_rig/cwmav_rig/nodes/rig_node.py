@@ -27,10 +27,11 @@ from cwmav_common.ros.main import main as run_main
 from cwmav_common.ros.parameters import Parameters
 from cwmav_common.ros.qos import LATCHED
 from cwmav_common.workers import Job, WorkerPool
-from cwmav_rig.live import LiveRig
+from cwmav_rig.live import CycleEvent
 from cwmav_rig.power_model import PowerModel
 from cwmav_rig.replay import Player
 from cwmav_rig.ros import codecs
+from cwmav_rig.ros.follow import CycleFollower
 from cwmav_rig.ros.player_services import Pause, Resume, Seek, SetRate
 from cwmav_rig.ros.publish import RigPublisher
 from cwmav_rig.ros.settings import RigSettings
@@ -59,7 +60,7 @@ class RigNode(Node):
     ) -> None:
         super().__init__("rig", **options)
         self._analyse, self._load_power = analyse, load_power
-        self._parameters = Parameters(self, RigSettings, check=self._check, on_change=self._on_change)
+        self.parameters = Parameters(self, RigSettings, check=self._check, on_change=self._on_change)
         settings = self.settings
         self._pool = WorkerPool(1, "cwmav_rig worker")
         self._calls = CallQueue(self)
@@ -67,7 +68,7 @@ class RigNode(Node):
         self._uncertainty = self.create_publisher(UncertaintyEstimate, "~/uncertainty", LATCHED)
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10)
         self._player: Player | None = None
-        self._live: LiveRig | None = None
+        self._cycles = CycleFollower(lambda event: self._calls.post(lambda: self._take_cycle(event)))
         self._loops = 0
         self._opened: tuple[str, str] = ("", "")
         self._power: Job | None = None
@@ -83,12 +84,13 @@ class RigNode(Node):
     @property
     def settings(self) -> RigSettings:
         """The parameters, one consistent set."""
-        return self._parameters.value
+        return self.parameters.value
 
     def close(self) -> None:
         """Stop replay and work."""
         self._timer.cancel()
         self._pool.close()
+        self._cycles.close()
         self._calls.close()
         if self._player is not None:
             self._player.close()
@@ -142,7 +144,7 @@ class RigNode(Node):
     def _open(self, settings: RigSettings) -> None:
         if self._player is not None:
             self._player.close()
-        self._player = self._live = None
+        self._player = None
         self._opened = (settings.recording, settings.topic_map)
         if not settings.recording:
             return
@@ -150,7 +152,7 @@ class RigNode(Node):
         topic_map: TopicMap = resolve(recording, read_map(settings.topic_map))
         clock = self._ros_seconds if self.get_parameter("use_sim_time").value else time.monotonic
         self._player = Player(recording, rate=settings.rate, loop=settings.loop, clock=clock)
-        self._live = LiveRig(topic_map, recording.topics, settings.recording)
+        self._cycles.begin(topic_map, recording.topics, settings.recording)
         self._publisher.use(topic_map)
         self._loops = 0
         if not settings.start_paused:
@@ -160,26 +162,29 @@ class RigNode(Node):
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _tick(self) -> None:
-        player, live = self._player, self._live
-        if player is None or live is None or not player.running:
+        player = self._player
+        if player is None:
             return
         messages = player.poll()
+        self._cycles.add(messages)
+        if not messages and not player.running:
+            return
         if player.loops != self._loops:
             self._loops = player.loops
             self._restart()
         for message in messages:
             self._publisher.publish(message)
         self._counts["messages replayed"] += len(messages)
-        for event in live.push(messages):
-            self._counts["cycles"] += 1
-            self._publisher.publish_cycle(event)
         if self.settings.publish_clock:
             self._clock_publisher.publish(ClockMessage(clock=time_message(player.recorded_time_ns)))
 
     def _restart(self) -> None:
         self._publisher.restart()
-        if self._live is not None:
-            self._live.reset()
+        self._cycles.restart()
+
+    def _take_cycle(self, event: CycleEvent) -> None:
+        self._counts["cycles"] += 1
+        self._publisher.publish_cycle(event)
 
     def _loaded(self) -> Player:
         if self._player is None:

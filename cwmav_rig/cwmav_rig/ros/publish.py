@@ -75,7 +75,7 @@ class RigPublisher:
     def publish(self, message: Message) -> None:
         """Publish one recorded message under its role; others are none of the rig's topics."""
         role = self._roles.get(message.topic)
-        if role is None:
+        if role is None or role not in _PUBLISHED:
             return
         handler = _HANDLERS.get((role, message.type_name))
         if handler is None:
@@ -251,3 +251,4 @@ _HANDLERS: dict[tuple[str, str], Callable[[RigPublisher, Any, Message], None]] =
     ("wind", "sensor_msgs/msg/FluidPressure"): RigPublisher._take_pressure,
     ("temperature", "sensor_msgs/msg/Temperature"): RigPublisher._take_temperature,
 }
+_PUBLISHED = {"force", "power", "voltage", "current", "angle_of_attack", "wind", "temperature"}

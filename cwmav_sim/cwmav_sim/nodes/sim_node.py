@@ -30,7 +30,7 @@ from cwmav_common.ros.qos import STREAM
 from cwmav_common.workers import Job, WorkerPool
 from cwmav_sim.case import Case, preset, with_overrides
 from cwmav_sim.ros import codecs
-from cwmav_sim.ros.live import Cloud, Sample, Surface, View, run_live
+from cwmav_sim.ros.live import Cloud, Surface, View, run_live
 from cwmav_sim.ros.settings import FIDELITIES, TABLE, SimSettings
 from cwmav_sim.run import Progress
 from cwmav_sim.table import LiftEstimate, LiftTable
@@ -64,7 +64,7 @@ class SimNode(Node):
     ) -> None:
         super().__init__("sim", **options)
         self._table, self._live = table, live
-        self._parameters = Parameters(self, SimSettings, on_change=self._on_change)
+        self.parameters = Parameters(self, SimSettings, on_change=self._on_change)
         self._pool = WorkerPool(self.settings.workers, "cwmav_sim worker")
         self._calls = CallQueue(self)
         self._runs = 0
@@ -85,7 +85,7 @@ class SimNode(Node):
     @property
     def settings(self) -> SimSettings:
         """The parameters, one consistent set."""
-        return self._parameters.value
+        return self.parameters.value
 
     def close(self) -> None:
         """Stop every run and end the processes."""
@@ -146,30 +146,22 @@ class SimNode(Node):
         # A round trip through radians must not move 15 deg, or results would not be found again.
         return case.at(frequency, round(math.degrees(angle), 9), airspeed)
 
-    def _submit(
-        self,
-        case: Case,
-        particles: bool,
-        on_progress: Callable[[Progress, Sample | None], None] | None = None,
-    ) -> Job:
+    def _submit(self, case: Case, particles: bool, goal: ServerGoalHandle | None = None) -> Job:
         settings = self.settings
         self._runs += 1
         run = f"{self._runs}-{case.preset}"
-        view = View(
-            settings.samples_per_cycle,
-            settings.view_rate,
-            settings.particle_share if particles else 0.0,
-        )
-        last: list[Sample | None] = [None]
+        view = View(settings.view_rate, settings.particle_share if particles else 0.0)
 
         def show(value: Any) -> None:
-            if isinstance(value, Sample):
-                last[0] = value
+            header = Header(stamp=self.get_clock().now().to_msg(), frame_id=FRAME)
             if isinstance(value, Progress):
-                if on_progress is not None:
-                    on_progress(value, last[0])
-                return
-            self._publish(run, value)
+                self._lift.publish(codecs.lift_sample(header, run, case.flapping_frequency, value))
+                if goal is not None:
+                    goal.publish_feedback(codecs.feedback(value))
+            elif isinstance(value, Surface):
+                self._wings.publish(codecs.wing_markers(header, value))
+            elif isinstance(value, Cloud):
+                self._particles.publish(codecs.particle_cloud(header, value))
 
         return self._pool.submit(
             self._live,
@@ -179,15 +171,6 @@ class SimNode(Node):
             view,
             on_report=lambda value: self._calls.post(lambda: show(value)),
         )
-
-    def _publish(self, run: str, value: Any) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=FRAME)
-        if isinstance(value, Sample):
-            self._lift.publish(codecs.lift_sample(header, run, value))
-        elif isinstance(value, Surface):
-            self._wings.publish(codecs.wing_markers(header, value))
-        elif isinstance(value, Cloud):
-            self._particles.publish(codecs.particle_cloud(header, value))
 
     # --- action --------------------------------------------------------------------------------------------
 
@@ -201,9 +184,7 @@ class SimNode(Node):
                 )
             case = self._case(point_array(request.point), name, list(request.overrides))
             particles = request.publish_particles or self.settings.publish_particles
-            job = self._submit(
-                case, particles, lambda state, last: goal.publish_feedback(codecs.feedback(state, last))
-            )
+            job = self._submit(case, particles, goal)
         except Exception as error:
             self._end_goal(goal, None, error)
             return

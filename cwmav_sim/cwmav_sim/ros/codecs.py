@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 from cwmav_msgs.action import Simulate
 from cwmav_msgs.msg import LiftSample
 from sensor_msgs.msg import PointCloud2
@@ -14,7 +12,7 @@ from visualization_msgs.msg import MarkerArray
 from cwmav_common.cli import to_json
 from cwmav_common.ros.codecs import point_cloud, triangle_marker
 from cwmav_sim.result import LiftResult
-from cwmav_sim.ros.live import Cloud, Sample, Surface
+from cwmav_sim.ros.live import Cloud, Surface
 from cwmav_sim.run import Progress
 
 _COLOURS = (
@@ -25,17 +23,17 @@ _COLOURS = (
 )
 
 
-def lift_sample(header: Header, run: str, sample: Sample) -> LiftSample:
+def lift_sample(header: Header, run: str, frequency: float, state: Progress) -> LiftSample:
     """Make the message of the forces at one instant."""
     return LiftSample(
         header=header,
         run=run,
-        time=sample.time,
-        phase=sample.phase,
-        lift=sample.lift,
-        drag=sample.drag,
-        power=sample.power,
-        mean_lift=sample.mean_lift,
+        time=float(state.time),
+        phase=float(state.time * frequency),
+        lift=float(state.lift),
+        drag=float(state.drag),
+        power=float(state.power),
+        mean_lift=float(state.mean_lift),
     )
 
 
@@ -55,7 +53,7 @@ def particle_cloud(header: Header, cloud: Cloud) -> PointCloud2:
     return point_cloud(header, cloud.position, velocity | {"pressure": cloud.pressure})
 
 
-def feedback(state: Progress, last: Sample | None) -> Simulate.Feedback:
+def feedback(state: Progress) -> Simulate.Feedback:
     """How far a run is."""
     return Simulate.Feedback(
         fraction=float(state.fraction),
@@ -63,7 +61,7 @@ def feedback(state: Progress, last: Sample | None) -> Simulate.Feedback:
         cycle=int(state.cycle),
         cycles=int(state.cycles),
         lift=float(state.lift),
-        mean_lift=math.nan if last is None else last.mean_lift,
+        mean_lift=float(state.mean_lift),
         seconds_left=float(state.seconds_left),
     )
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_sim.case import Case
+from cwmav_sim.export import ParticleView
 from cwmav_sim.result import LiftResult
 from cwmav_sim.run import simulate
-from cwmav_sim.solver import Solver
 from cwmav_sim.store import ResultStore
 
 
@@ -33,23 +32,10 @@ class Channel(Protocol):
 
 @dataclass(frozen=True)
 class View:
-    """What to show of a run: samples per cycle, pictures per second of wall time, share of the particles."""
+    """What to show of a run: pictures per second of wall time, and the share of the particles in them."""
 
-    samples_per_cycle: int = 100
     rate: float = 5.0
     particle_share: float = 0.0
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Forces on the whole vehicle at one instant [s, cycles, N, N, W, N]."""
-
-    time: float
-    phase: float
-    lift: float
-    drag: float
-    power: float
-    mean_lift: float
 
 
 @dataclass(frozen=True)
@@ -77,76 +63,36 @@ def run_live(case: Case, store: Path, device: str, view: View, channel: Channel)
     stored = results.get(case)
     if stored is not None:
         return stored, True
-    watcher = Watcher(case, view, channel)
     result = simulate(
-        case, on_progress=channel.report, cancelled=channel.cancelled, observers=(watcher,), device=device
+        case,
+        on_progress=channel.report,
+        cancelled=channel.cancelled,
+        observers=(Viewer(case, view, channel),),
+        device=device,
     )
     result = replace(result, history=None)
     results.put(case, result)
     return result, False
 
 
-class Watcher:
-    """Observes a run and reports samples, wings and particles at their rates."""
+class Viewer:
+    """Observes a run and reports wings and particles a few times per second."""
 
     def __init__(self, case: Case, view: View, channel: Channel) -> None:
-        self._case, self._view, self._channel = case, view, channel
+        self._view, self._channel = view, channel
         self._motion = case.motion()
-        self._sample_step = 1.0 / (view.samples_per_cycle * case.flapping_frequency)
-        self._next_sample = 0.0
-        self._next_view = 0.0
-        self._cycle = _CycleMean(case.flapping_frequency)
+        self._next = 0.0
 
-    def __call__(self, solver: Solver) -> None:
-        """Take note of the solver's state after a step."""
-        lift, drag, power = (self._case.copies * value for value in totals(solver))
-        mean = self._cycle.add(solver.time, lift)
-        if solver.time >= self._next_sample:
-            self._next_sample += self._sample_step
-            phase = solver.time * self._case.flapping_frequency
-            self._channel.report(Sample(solver.time, phase, lift, drag, power, mean))
+    def __call__(self, solver: ParticleView) -> None:
+        """Report the solver's state when it is time."""
         now = time.monotonic()
-        if now >= self._next_view:
-            self._next_view = now + 1.0 / self._view.rate
-            self._show(solver)
-
-    def _show(self, solver: Solver) -> None:
-        nodes = self._motion.state(solver.time).x.astype(np.float32)
+        if now < self._next:
+            return
+        self._next = now + 1.0 / self._view.rate
         motion = self._motion
+        nodes = motion.state(solver.time).x.astype(np.float32)
         self._channel.report(Surface(nodes, motion.triangles, motion.panel, motion.panel_names))
         if self._view.particle_share > 0:
             step = max(1, round(1.0 / self._view.particle_share))
-            self._channel.report(
-                Cloud(
-                    np.asarray(solver.position[::step], np.float32),
-                    np.asarray(solver.velocity[::step], np.float32),
-                    np.asarray(solver.pressure[::step], np.float32),
-                )
-            )
-
-
-def totals(solver: Solver) -> tuple[float, float, float]:
-    """Lift, drag and power of all panels that are simulated, at the solver's last step."""
-    info = solver.last
-    force = np.sum(info.pressure + info.viscous, axis=0)
-    return float(force[2]), float(force[0]), float(np.sum(info.power))
-
-
-class _CycleMean:
-    """Time mean of a signal over the last complete cycle; NaN before the first ends."""
-
-    def __init__(self, frequency: float) -> None:
-        self._period = 1.0 / frequency
-        self._cycle = 0
-        self._integral = 0.0
-        self._time = 0.0
-        self.mean = math.nan
-
-    def add(self, now: float, value: float) -> float:
-        cycle = int(now / self._period + 1e-9)
-        if cycle > self._cycle:
-            self.mean = self._integral / (self._time - self._cycle * self._period)
-            self._cycle, self._integral, self._time = cycle, 0.0, cycle * self._period
-        self._integral += value * (now - self._time)
-        self._time = now
-        return self.mean
+            parts = (solver.position, solver.velocity, solver.pressure)
+            self._channel.report(Cloud(*(np.asarray(part[::step], np.float32) for part in parts)))

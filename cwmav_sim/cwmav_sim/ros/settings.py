@@ -29,7 +29,6 @@ class SimSettings:
     store: str = setting(
         "", "folder of stored results, which are never computed twice; empty: the user's cache"
     )
-    samples_per_cycle: int = setting(100, "messages on ~/lift in every flapping cycle", ge=1, le=10000)
     view_rate: float = setting(5.0, "messages on ~/wings and ~/particles at most", unit="Hz", gt=0, le=100)
     publish_particles: bool = setting(False, "publish ~/particles during every run")
     particle_share: float = setting(0.1, "share of the particles on ~/particles", gt=0, le=1)
