@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Equations of motion of a wing: nodes that move and turn, elements that resist, roots that are driven.
+
+Every unknown is a spatial 3-vector: the displacement of a node, or the spin of a node or body that can turn.
+Rows 0 .. n-1 of a vector field of shape (n + k, 3) belong to the positions, rows n .. n+k-1 to the turns.
+The equations are
+
+    M dv/dt + gyroscopic + f_internal(q, v) + a0 M (v - v_carrier) = f_external,
+
+with diagonal translational mass and rotary inertia fixed in each turning body. The mass-proportional
+damping acts on the motion relative to the driven root, so that it never brakes the stroke itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from cwmav_sim.wing.rotation import cross, turn, turn_back
+from cwmav_sim.wing.sheet import FloatArray, IntArray
+
+_ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Where everything is and how fast it moves.
+
+    Attributes
+    ----------
+    x, v : ndarray, shape (n, 3)
+        Positions [m] and velocities [m/s].
+    turn, spin : ndarray, shapes (k, 3, 3) and (k, 3)
+        Rotation from each body's material axes to space, and angular velocity in space [rad/s].
+    """
+
+    x: FloatArray
+    v: FloatArray
+    turn: FloatArray
+    spin: FloatArray
+
+    @property
+    def rates(self) -> FloatArray:
+        """Velocities and spins stacked, shape (n + k, 3)."""
+        return np.concatenate([self.v, self.spin])
+
+
+class Element(Protocol):
+    """A family of like elements; ``dofs`` are scalar numbers ``3 row + axis`` of shape (m, d)."""
+
+    @property
+    def dofs(self) -> IntArray:
+        """Scalar unknowns of each element."""
+        ...
+
+    def forces(self, c: Configuration) -> FloatArray:
+        """Return the resisting forces and moments, elastic and viscous, shape (m, d)."""
+        ...
+
+    def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
+        """Return d(forces)/dq + rate d(forces)/dv at ``c``, with the stresses of ``stressed``, (m, d, d)."""
+        ...
+
+    def energy(self, c: Configuration) -> float:
+        """Return the stored elastic energy [J]."""
+        ...
+
+    def dissipation(self, c: Configuration) -> float:
+        """Return the power lost to viscosity [W]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Prescribed motion of the driven nodes and bodies at one instant."""
+
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    turn: FloatArray
+    spin: FloatArray
+    spin_rate: FloatArray
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """Frames that carry the wings: orientation (g, 3, 3) and angular velocity (g, 3) about the origin."""
+
+    axes: FloatArray
+    spin: FloatArray
+
+
+class Drive(Protocol):
+    """What holds a structure: numbers of driven nodes and bodies, the law of their motion, the carrier.
+
+    ``group`` (n + k,) names the carrier frame that each row of the vector field travels with.
+    """
+
+    nodes: IntArray
+    bodies: IntArray
+    group: IntArray
+
+    def at(self, t: float) -> Driven:
+        """Return the prescribed motion at ``t`` [s]."""
+        ...
+
+    def carrier(self, t: float) -> Carrier:
+        """Return the carrier frames at ``t`` [s]."""
+        ...
+
+
+class StillRoot:
+    """A drive that holds nodes and bodies where they are."""
+
+    def __init__(self, x: FloatArray, turn_: FloatArray, nodes: IntArray, bodies: IntArray) -> None:
+        self.nodes = np.asarray(nodes, dtype=np.int64)
+        self.bodies = np.asarray(bodies, dtype=np.int64)
+        self.group = np.zeros(len(x) + len(turn_), dtype=np.int64)
+        still = np.zeros((len(self.nodes), 3))
+        steady = np.zeros((len(self.bodies), 3))
+        self._driven = Driven(x[self.nodes], still, still, turn_[self.bodies], steady, steady)
+        self._carrier = Carrier(np.eye(3)[None], np.zeros((1, 3)))
+
+    def at(self, t: float) -> Driven:
+        """Return the same rest at every time."""
+        return self._driven
+
+    def carrier(self, t: float) -> Carrier:
+        """Return one frame at rest."""
+        return self._carrier
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass of each node (n,) [kg] and principal rotary inertia of each body (k, 3) [kg m2]."""
+
+    mass: FloatArray
+    rotary: FloatArray
+
+
+Load = Callable[[Configuration], FloatArray]
+
+
+class System:
+    """Mass, elements and drive of one structure, with its assembled residual and tangent.
+
+    Parameters
+    ----------
+    inertia : Inertia
+        Masses and rotary inertias.
+    elements : sequence of Element
+        Everything that stores or loses energy.
+    drive : Drive
+        Driven nodes and bodies.
+    mass_damping : float
+        Rayleigh coefficient a0 [1/s] of the damping proportional to mass.
+    """
+
+    def __init__(
+        self, inertia: Inertia, elements: Sequence[Element], drive: Drive, *, mass_damping: float = 0.0
+    ) -> None:
+        self.inertia, self.elements, self.drive = inertia, tuple(elements), drive
+        self.mass_damping = mass_damping
+        self.nodes, self.bodies = len(inertia.mass), len(inertia.rotary)
+        self.rows = self.nodes + self.bodies
+        held = np.zeros(self.rows, dtype=bool)
+        held[drive.nodes] = True
+        held[self.nodes + drive.bodies] = True
+        self.held_rows = np.concatenate([drive.nodes, self.nodes + drive.bodies]).astype(np.int64)
+        self.free_rows = np.flatnonzero(~held)
+        self.pattern = _Pattern(self)
+
+    def internal(self, c: Configuration) -> FloatArray:
+        """Return the resisting forces of all elements, shape (n + k, 3)."""
+        total = np.zeros(3 * self.rows)
+        for element in self.elements:
+            total += np.bincount(element.dofs.ravel(), element.forces(c).ravel(), minlength=3 * self.rows)
+        return total.reshape(-1, 3)
+
+    def drag(self, c: Configuration, carrier: Carrier) -> FloatArray:
+        """Return the mass-proportional damping force on the motion relative to the carrier."""
+        out = np.zeros((self.rows, 3))
+        if self.mass_damping:
+            relative = c.v - self._carried(c, carrier)
+            out[: self.nodes] = self.mass_damping * self.inertia.mass[:, None] * relative
+        return out
+
+    def drag_power(self, c: Configuration, carrier: Carrier) -> tuple[float, float]:
+        """Return the power the drag loses and the power it gives to the carrier [W]."""
+        if not self.mass_damping:
+            return 0.0, 0.0
+        force = self.drag(c, carrier)[: self.nodes]
+        carried = self._carried(c, carrier)
+        return float(np.sum(force * (c.v - carried))), float(np.sum(force * carried))
+
+    def _carried(self, c: Configuration, carrier: Carrier) -> FloatArray:
+        return cross(carrier.spin[self.drive.group[: self.nodes]], c.x)
+
+    def inertial(self, c: Configuration, acceleration: FloatArray) -> FloatArray:
+        """Return the rate of change of momentum and angular momentum, shape (n + k, 3)."""
+        out = np.empty((self.rows, 3))
+        out[: self.nodes] = self.inertia.mass[:, None] * acceleration[: self.nodes]
+        if self.bodies:
+            own = turn_back(c.turn, acceleration[self.nodes :])
+            spin = turn_back(c.turn, c.spin)
+            rotary = self.inertia.rotary
+            out[self.nodes :] = turn(c.turn, rotary * own + cross(spin, rotary * spin))
+        return out
+
+    def solve_inertia(self, c: Configuration, force: FloatArray) -> FloatArray:
+        """Return the acceleration that ``force`` gives, gyroscopic moments apart, shape (n + k, 3)."""
+        out = np.empty((self.rows, 3))
+        out[: self.nodes] = force[: self.nodes] / self.inertia.mass[:, None]
+        if self.bodies:
+            out[self.nodes :] = turn(c.turn, turn_back(c.turn, force[self.nodes :]) / self.inertia.rotary)
+        return out
+
+    def kinetic(self, c: Configuration) -> float:
+        """Return the kinetic energy [J]."""
+        own = turn_back(c.turn, c.spin)
+        moving = float(np.sum(self.inertia.mass[:, None] * c.v**2))
+        return 0.5 * (moving + float(np.sum(self.inertia.rotary * own**2)))
+
+    def elastic(self, c: Configuration) -> float:
+        """Return the elastic energy [J]."""
+        return sum(element.energy(c) for element in self.elements)
+
+    def viscous_power(self, c: Configuration) -> float:
+        """Return the power lost inside the elements [W]."""
+        return sum(element.dissipation(c) for element in self.elements)
+
+    def matrix(
+        self,
+        c: Configuration,
+        *,
+        rate: float,
+        mass_factor: float,
+        stressed: Configuration | None = None,
+    ) -> sp.csc_matrix:
+        """Return the free part of ``dF/dq + rate dF/dv + mass_factor M``.
+
+        The geometric stiffness uses the stresses of ``stressed``, by default those of ``c``. Within a
+        step those of its start are much the better: a Newton iterate of a thin rod or film that bends by a
+        finite angle is briefly stretched, and the huge spurious stress would spoil the next tangent (compare
+        Magisano, Leonetti & Garcea, Int. J. Numer. Methods Eng. 109 (2017) 1237).
+        Rows and columns follow ``free_rows``, three per row. The gyroscopic moment is left out: it is of
+        higher order in the time step, and only the speed of convergence depends on this matrix.
+        """
+        values = [element.tangent(c, rate, stressed or c).ravel() for element in self.elements]
+        factor = mass_factor + rate * self.mass_damping
+        values.append(np.repeat(factor * self.inertia.mass, 3))
+        rotary = np.einsum("kij,kj,klj->kil", c.turn, mass_factor * self.inertia.rotary, c.turn)
+        values.append(rotary.ravel())
+        return self.pattern.assemble(np.concatenate(values))
+
+    def rounding(self, c: Configuration) -> float:
+        """Return the unbalanced force [N] that rounding alone can leave: stiffness times coordinates."""
+        stiffest = float(np.max(np.abs(self.matrix(c, rate=0.0, mass_factor=0.0).diagonal()), initial=0.0))
+        return _ROUNDING * stiffest * float(np.max(np.abs(c.x)))
+
+
+def factorised(matrix: sp.csc_matrix) -> sla.SuperLU:
+    """Factorise a structurally symmetric matrix without pivoting off the diagonal.
+
+    Pivoting would double the fill; the mass term keeps the diagonal dominant enough, and Newton corrects
+    what rounding leaves.
+
+    Raises
+    ------
+    RuntimeError
+        The matrix is singular.
+    """
+    return sla.splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True, "DiagPivotThresh": 0.0}
+    )
+
+
+class _Pattern:
+    """Fixed sparsity of the tangent: where every element entry lands among the stored entries."""
+
+    def __init__(self, system: System) -> None:
+        blocks = [element.dofs for element in system.elements]
+        blocks.append(np.arange(3 * system.nodes, dtype=np.int64)[:, None])
+        blocks.append(np.arange(3 * system.nodes, 3 * system.rows, dtype=np.int64).reshape(-1, 3))
+        row = np.concatenate([np.repeat(d, d.shape[1], axis=1).ravel() for d in blocks])
+        column = np.concatenate([np.tile(d, (1, d.shape[1])).ravel() for d in blocks])
+        number = np.full(3 * system.rows, -1, dtype=np.int64)
+        free = (3 * system.free_rows[:, None] + np.arange(3)).ravel()
+        number[free] = np.arange(len(free))
+        row, column = number[row], number[column]
+        self._kept = np.flatnonzero((row >= 0) & (column >= 0))
+        self.size = len(free)
+        key = column[self._kept] * np.int64(max(self.size, 1)) + row[self._kept]
+        unique, self._place = np.unique(key, return_inverse=True)
+        self._indices = unique % max(self.size, 1)
+        counts = np.bincount(unique // max(self.size, 1), minlength=self.size)
+        self._starts = np.concatenate([[0], np.cumsum(counts)])
+
+    def assemble(self, values: FloatArray) -> sp.csc_matrix:
+        data = np.bincount(self._place, values[self._kept], minlength=len(self._indices))
+        return sp.csc_matrix((data, self._indices, self._starts), shape=(self.size, self.size))

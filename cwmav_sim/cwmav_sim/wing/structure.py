@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The seam between air and structure: loads in, motion of the sheet out, with an energy account.
+
+The air solver asks a moving sheet for its nodes; a flexible wing must first be told the loads. A step of the
+coupled problem is: :meth:`WingStructure.advance` to the new time under the nodal loads of the air, then
+:class:`FlexibleSheet` answers for that time.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from cwmav_common.errors import InputError, WorkError
+from cwmav_sim.wing.contact import ContactLaw, Impacts
+from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.integrate import Integration, Integrator
+from cwmav_sim.wing.motion import Counters, Energies, Motion
+from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
+
+
+class WingStructure(Protocol):
+    """A structure that moves under nodal loads and a driven root.
+
+    Attributes
+    ----------
+    triangles, panel, panel_names
+        As in :class:`cwmav_sim.wing.sheet.SheetMotion`; they never change.
+    time : float
+        Time reached [s].
+    energies : Energies
+        Kinetic and elastic energy, dissipation and work since the start [J].
+    """
+
+    @property
+    def triangles(self) -> IntArray:
+        """Node numbers of each triangle, shape (m, 3)."""
+        ...
+
+    @property
+    def panel(self) -> IntArray:
+        """Panel number of each triangle, shape (m,)."""
+        ...
+
+    @property
+    def panel_names(self) -> tuple[str, ...]:
+        """Names of the panels."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """Time reached [s]."""
+        ...
+
+    @property
+    def energies(self) -> Energies:
+        """Energy account since the start [J]."""
+        ...
+
+    def advance(self, time: float, load: FloatArray) -> SheetState:
+        """Go on to ``time`` [s]; ``load`` (n, 3) [N] acts on the sheet's nodes at the end of the interval."""
+        ...
+
+    def state(self) -> SheetState:
+        """Return the sheet at the time reached."""
+        ...
+
+    def save(self) -> Motion:
+        """Return everything needed to go on from here."""
+        ...
+
+    def restore(self, motion: Motion) -> None:
+        """Go back to a saved instant."""
+        ...
+
+
+class SheetMap(Protocol):
+    """How the sheet's nodes hang on the unknowns of a structure; forces go the transposed way."""
+
+    def state(self, c: Configuration, acceleration: FloatArray) -> SheetState:
+        """Return the sheet of a configuration."""
+        ...
+
+    def load(self, c: Configuration, forces: FloatArray) -> FloatArray:
+        """Return the forces and moments on the structure's rows that do the work of the nodal ``forces``."""
+        ...
+
+    def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
+        """Return the change of all rates by nodal ``impulses`` (n, 3) [N s]; driven rows do not change."""
+        ...
+
+    def compliance(self, c: Configuration) -> sp.csr_matrix:
+        """Return the change of the sheet's velocities per nodal impulse, shape (3 n, 3 n) [1/kg]."""
+        ...
+
+
+class NodesAreSheet:
+    """The sheet's nodes are the structure's own."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+
+    def state(self, c: Configuration, acceleration: FloatArray) -> SheetState:
+        """Return the nodes themselves."""
+        return SheetState(c.x.copy(), c.v.copy(), acceleration[: self._system.nodes].copy())
+
+    def load(self, c: Configuration, forces: FloatArray) -> FloatArray:
+        """Return the nodal forces, without moments on the bodies."""
+        out = np.zeros((self._system.rows, 3))
+        out[: self._system.nodes] = forces
+        return out
+
+    def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
+        """Return the change of the nodes' velocities, shape (n + k, 3)."""
+        change = self._system.solve_inertia(c, self.load(c, impulses))
+        change[self._system.held_rows] = 0.0
+        return change
+
+    def compliance(self, c: Configuration) -> sp.csr_matrix:
+        """Return the inverse masses, zero for driven nodes."""
+        inverse = 1.0 / self._system.inertia.mass
+        inverse[self._system.drive.nodes] = 0.0
+        return sp.diags(np.repeat(inverse, 3), format="csr")
+
+
+class FlexibleWings:
+    """A :class:`System` behind the protocol :class:`WingStructure`.
+
+    Parameters
+    ----------
+    system : System
+        Equations of motion.
+    sheet : SheetMap
+        Sheet nodes of the unknowns.
+    triangles, panel : ndarray
+        Topology of the sheet.
+    panel_names : tuple of str
+        Names of the panels.
+    integration : Integration
+        Settings of the time integration.
+    x, turn : ndarray
+        Unloaded shape at ``time``, from which the wings start at rest.
+    contact : ContactLaw
+        Contact between the wings of a pair.
+    time : float
+        Start time [s].
+    """
+
+    def __init__(
+        self,
+        system: System,
+        sheet: SheetMap,
+        triangles: IntArray,
+        panel: IntArray,
+        panel_names: tuple[str, ...],
+        integration: Integration,
+        x: FloatArray,
+        turn: FloatArray,
+        *,
+        contact: ContactLaw | None = None,
+        time: float = 0.0,
+    ) -> None:
+        self.system, self.sheet = system, sheet
+        self._triangles, self._panel, self._names = triangles, panel, panel_names
+        self._integrator = Integrator(system, integration, x, turn, time=time)
+        self._count = int(triangles.max()) + 1
+        self.impacts: Impacts | None = None
+        if contact is not None and contact.enabled:
+            self.impacts = Impacts(contact, system, sheet, triangles, panel, panel_names, self.state().x)
+
+    @property
+    def triangles(self) -> IntArray:
+        """Node numbers of each triangle, shape (m, 3)."""
+        return self._triangles
+
+    @property
+    def panel(self) -> IntArray:
+        """Panel number of each triangle, shape (m,)."""
+        return self._panel
+
+    @property
+    def panel_names(self) -> tuple[str, ...]:
+        """Names of the panels."""
+        return self._names
+
+    @property
+    def time(self) -> float:
+        """Time reached [s]."""
+        return self._integrator.motion.time
+
+    @property
+    def energies(self) -> Energies:
+        """Energy account since the start [J]."""
+        return self._integrator.motion.energies
+
+    @property
+    def counters(self) -> Counters:
+        """Steps, Newton iterations and factorisations so far."""
+        return self._integrator.counters
+
+    def advance(self, time: float, load: FloatArray) -> SheetState:
+        """Go on to ``time`` [s] under the nodal ``load`` (n, 3) [N]; loads grow linearly from the last ones.
+
+        Raises
+        ------
+        InputError
+            The time lies before the time reached, or the loads have the wrong shape or are not finite.
+        WorkError
+            The step does not converge.
+        """
+        self._check(time, load)
+        if time > self.time:
+            self._integrator.advance(time, lambda c: self.sheet.load(c, load))
+            if self.impacts is not None:
+                self._integrator.amend(self.impacts.resolve(self._integrator.motion))
+        return self.state()
+
+    def state(self) -> SheetState:
+        """Return the sheet at the time reached."""
+        motion = self._integrator.motion
+        return self.sheet.state(motion.configuration, motion.acceleration)
+
+    def save(self) -> Motion:
+        """Return everything needed to go on from here."""
+        return self._integrator.motion
+
+    def restore(self, motion: Motion) -> None:
+        """Go back to a saved instant."""
+        self._integrator.restore(motion)
+
+    def _check(self, time: float, load: FloatArray) -> None:
+        if not time >= self.time:
+            raise InputError(
+                f"wing structure: time {time:g} s lies before the time reached; allowed: >= {self.time:g} s"
+            )
+        if load.shape != (self._count, 3):
+            raise InputError(f"wing structure: loads have shape {load.shape}; allowed: ({self._count}, 3)")
+        if not np.all(np.isfinite(load)):
+            raise WorkError("wing structure: the air load is not finite")
+
+
+class FlexibleSheet:
+    """A structure seen as :class:`cwmav_sim.wing.sheet.SheetMotion`.
+
+    Between the last two accepted instants the nodes follow cubic Hermite polynomials; up to ``reach`` beyond
+    the last one they go on with their velocity and acceleration, which is what a predictor needs.
+    """
+
+    def __init__(self, structure: WingStructure, *, reach: float = 1e-3) -> None:
+        self.structure, self.reach = structure, reach
+        self._now = (structure.time, structure.state())
+        self._before = self._now
+
+    @property
+    def triangles(self) -> IntArray:
+        """Node numbers of each triangle, shape (m, 3)."""
+        return self.structure.triangles
+
+    @property
+    def panel(self) -> IntArray:
+        """Panel number of each triangle, shape (m,)."""
+        return self.structure.panel
+
+    @property
+    def panel_names(self) -> tuple[str, ...]:
+        """Names of the panels."""
+        return self.structure.panel_names
+
+    def accept(self, time: float, load: FloatArray) -> SheetState:
+        """Advance the structure under the nodal ``load`` (n, 3) [N]; the result is the newest instant."""
+        state = self.structure.advance(time, load)
+        self._before, self._now = self._now, (time, state)
+        return state
+
+    def state(self, t: float) -> SheetState:
+        """Return the nodes at ``t`` [s].
+
+        Raises
+        ------
+        InputError
+            ``t`` lies before the last interval or more than ``reach`` after it.
+        """
+        (t0, first), (t1, last) = self._before, self._now
+        if t == t1:
+            return last
+        if t > t1:
+            return self._ahead(t - t1, last)
+        if t < t0:
+            raise InputError(
+                f"flexible sheet: t = {t:g} s is forgotten; allowed: {t0:g} .. {t1 + self.reach:g} s"
+            )
+        return _hermite((t - t0) / (t1 - t0), t1 - t0, first, last)
+
+    def _ahead(self, s: float, last: SheetState) -> SheetState:
+        if s > self.reach * (1.0 + 1e-9):
+            raise InputError(
+                f"flexible sheet: {s:g} s beyond the last accepted instant; allowed: <= {self.reach:g} s"
+            )
+        return SheetState(last.x + s * last.v + 0.5 * s * s * last.a, last.v + s * last.a, last.a)
+
+
+def _hermite(u: float, h: float, first: SheetState, last: SheetState) -> SheetState:
+    """Cubic through positions and velocities of both ends, at the share ``u`` of the interval ``h``."""
+    jump = last.x - first.x
+    quadratic = 3.0 * jump - h * (2.0 * first.v + last.v)
+    cubic = -2.0 * jump + h * (first.v + last.v)
+    x = first.x + u * (h * first.v + u * (quadratic + u * cubic))
+    v = first.v + u * (2.0 * quadratic + 3.0 * u * cubic) / h
+    return SheetState(x, v, (2.0 * quadratic + 6.0 * u * cubic) / h**2)
