@@ -85,3 +85,63 @@ def live(case: Any, store: Any, device: str, view: Any, channel: Any) -> tuple[A
         channel.report(Progress(0.5 * step, step, 2, 0.1 * step, 0.2, 3.0, 0.02, 0.4, 0.19))
     misbehave(case.flapping_frequency, channel)
     return result_for(case, 1e-2 * case.angle_of_attack_deg), False
+
+
+def study(text: str, seed: int, folder: str, resume: bool, channel: Any) -> Any:
+    """Stand in for a study: asks for noise and two points, reports two rows; misbehaves by seed."""
+    import numpy as np
+
+    from cwmav_rbdo.problem import parse_text
+    from cwmav_rbdo.result import Band, Constraint, IterationRow, Result
+    from cwmav_rbdo.ros.work import AskNoise, AskPoint, AskWorkers
+
+    problem = parse_text(text)
+    misbehave(seed, channel)
+    workers = channel.ask(AskWorkers()).result(60)
+    noise = channel.ask(AskNoise()).result(60)
+    designs = [np.array([10.0, 20.0]), np.array([12.0, 22.0])]
+    asked = [channel.ask(AskPoint(problem.control_point(x))) for x in designs]
+    answers = [question.result(60) for question in asked]
+    band = Band(0.998, 1e-4, 0.997, 0.999, "fake")
+    for number, (x, answer) in enumerate(zip(designs, answers, strict=True)):
+        row = IterationRow(
+            iteration=number,
+            names=problem.names,
+            x=x,
+            prediction=answer.lift_to_power,
+            prediction_std=0.01,
+            response=1.1 * answer.lift_to_power,
+            response_std=0.01,
+            mse=1e-4,
+            max_mse=2e-4,
+            reliability=band,
+            feasible=True,
+            window_lower=x - 1.0,
+            window_upper=x + 1.0,
+            evaluations=number + 7,
+            converged=number == 1,
+        )
+        channel.report(row)
+    return Result(
+        id=problem.id,
+        kind=problem.kind,
+        design=problem.named(designs[-1]),
+        units=dict(zip(problem.names, problem.units, strict=True)),
+        objective=answers[-1].lift_to_power,
+        objective_std=0.01,
+        constraints=(Constraint("L/P", band, 0.9974),),
+        iterations=1,
+        true_evaluations=8,
+        converged=True,
+        feasible=True,
+        message="as asked",
+        history=(),
+        seed=seed,
+        extra={
+            "workers": workers,
+            "noise": noise.to_json(),
+            "sources": [answers[0].lift_source, answers[0].power_source],
+            "resumed": resume,
+            "folder": folder,
+        },
+    )

@@ -36,6 +36,7 @@ from cwmav_rbdo.run_folder import RunFolder
 from cwmav_rbdo.wing_problem import WingProblem
 
 HEARTBEAT = 2.0  # s between feedbacks while nothing new is known
+GRACE = 1.0  # s that the recorder goes on after the end of the study
 
 
 @dataclass
@@ -77,9 +78,8 @@ class OptimiserNode(Node):
         self._action = DeferredActionServer(
             self, Optimise, "~/optimise", start=self._start_goal, cancel=self._cancel_goal
         )
-        self._heartbeat = self.create_timer(
-            HEARTBEAT, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._heartbeat = self.create_timer(HEARTBEAT, self._beat, clock=self._steady)
         self._diagnostics = Diagnostics(self, "cwmav optimiser")
         self._diagnostics.add("study", self._health)
 
@@ -116,9 +116,7 @@ class OptimiserNode(Node):
         )
         if goal.is_cancel_requested:
             study.job.cancel()
-        study.job.future.add_done_callback(
-            lambda done: self._calls.post(lambda: self._end_study(study, done))
-        )
+        study.job.future.add_done_callback(lambda done: self._calls.post(lambda: self._wind_up(study, done)))
         self._beat()
 
     def _prepare(self, goal: ServerGoalHandle) -> _Study:
@@ -151,6 +149,15 @@ class OptimiserNode(Node):
         study = self._study
         if study is not None and study.goal == goal and study.job is not None:
             study.job.cancel()
+
+    def _wind_up(self, study: _Study, done: Future[Any]) -> None:
+        """End the study as soon as what was published last had time to reach the recorder."""
+
+        def end() -> None:
+            self.destroy_timer(timer)
+            self._end_study(study, done)
+
+        timer = self.create_timer(GRACE if study.recorder else 0.0, end, clock=self._steady)
 
     def _end_study(self, study: _Study, done: Future[Any]) -> None:
         self._study = None
