@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 BLOCK_ENTRIES = 1 << 17
 """Entries of the correlation between new points and samples that are made at once: 1 MiB, near the cache."""
+EVIDENCE = 3.0
+"""A richer trend must make the left-out samples exp(3) = 20 times more probable."""
 _UNRESOLVED = 1e-12
 """A spread this small relative to the magnitude is rounding, not information."""
 
@@ -42,8 +44,9 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     kernel : {"gaussian", "matern52"}
         Correlation function, one length scale per variable.
     trend : {"constant", "linear", "quadratic", "auto"}
-        Regression functions of Eq. 15; "auto" takes the one with the least leave-one-out error among those
-        for which there are at least twice as many samples as coefficients.
+        Regression functions of Eq. 15; "auto" takes a richer trend where it makes the samples, each left
+        out in turn, clearly more probable, and where there are at least twice as many samples as
+        coefficients.
     length_scale : (d,) array or float, optional
         Fixed length scales in the units of X; by default they maximise the likelihood.
     nugget : float or "estimate", optional
@@ -63,6 +66,8 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         sigma_Delta^2 of Eq. 16 in squared units of y.
     log_likelihood_ : float
         Of the scaled response; nan when the length scales were given.
+    loo_log_density_ : float
+        Logarithm of the predictive density of the samples (scaled response), each left out in turn.
     loo_rmse_ : float
         Closed-form leave-one-out error in units of y.
     recoveries_ : tuple of str
@@ -277,7 +282,11 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             process = Process(correlation(self.kernel), trend, found.length_scale, found.nugget)
             fitted = uk.condition(process, Z, f, noise, found.process_variance)
             fits.append((fitted, found.log_likelihood))
-        return min(fits, key=lambda fit: _loo_rmse(fit[0]))
+        best = fits[0]
+        for fit in fits[1:]:
+            if uk.loo_log_density(fit[0]) > uk.loo_log_density(best[0]) + EVIDENCE:
+                best = fit
+        return best
 
     def _hyperparameters(
         self, Z: Array, f: Array, H: Array, noise: Array, simpler: Hyperparameters | None
@@ -307,7 +316,9 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.length_scale_ = np.full(len(self.x_scale_), np.inf)
         self.length_scale_[self.active_] = fitted.process.length_scale * self.x_scale_[self.active_]
         self.process_variance_ = fitted.process_variance * self.y_scale_**2
-        self.loo_rmse_ = self.y_scale_ * _loo_rmse(fitted)
+        errors, _ = uk.leave_one_out(fitted)
+        self.loo_rmse_ = self.y_scale_ * float(np.sqrt(np.mean(errors**2)))
+        self.loo_log_density_ = uk.loo_log_density(fitted)
 
     def _gradient(self, X: ArrayLike, function: Callable[[uk.Fitted, Array], Array], unit: float) -> Array:
         Z = self._new_points(X)
@@ -325,11 +336,6 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
 def _unsearched(length: Array, noisy: bool, nugget: float) -> Hyperparameters:
     return Hyperparameters(np.empty(0), length, 1.0 if noisy else None, nugget, np.nan)
-
-
-def _loo_rmse(fitted: uk.Fitted) -> float:
-    errors, _ = uk.leave_one_out(fitted)
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _in_blocks(
