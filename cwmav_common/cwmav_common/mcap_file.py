@@ -182,12 +182,9 @@ class McapFile:
 
     def _cut(self, opcode: int, position: int) -> int:
         content = position + RECORD_HEADER
-        missing = self.size - position
         if opcode == _CHUNK:
             self._chunk(content, self.size - content, self.contents)
-        self._report(
-            f"is cut or damaged at byte {position}; {missing} bytes after it are not readable as they are"
-        )
+        self._report(f"ends or is damaged at byte {position} of {self.size}, within a record")
         return self.size
 
     def _take(self, opcode: int, content: int, length: int, found: Contents) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
@@ -52,7 +51,7 @@ class Memory:
 def memory_of(values: Array) -> Memory:
     """Model a record of successive values (n,).
 
-    The orders up to ten are solved by the Yule-Walker equations.
+    The orders up to ten come from the Yule-Walker equations.
     """
     x = values - values.mean()
     n = len(x)
@@ -75,14 +74,19 @@ def memory_of(values: Array) -> Memory:
 
 
 def _best_model(covariance: Array, n: int) -> tuple[Array, float]:
-    """Weights and innovation variance of the order with the lowest corrected Akaike criterion."""
-    best, found = np.inf, (np.empty(0), float(covariance[0]))
+    """Weights and innovation variance of the order with the lowest corrected Akaike criterion.
+
+    Levinson's recursion gives all orders; a reflection of one or more would be no stationary process.
+    """
+    weights, noise = np.empty(0), float(covariance[0])
+    best, found = np.inf, (weights, noise)
     for order in range(len(covariance)):
-        weights = solve_toeplitz(covariance[:order], covariance[1 : order + 1]) if order else np.empty(0)
-        noise = float(covariance[0] - weights @ covariance[1 : order + 1])
-        roots = np.roots(np.concatenate(([1.0], -weights)))
-        if noise <= 0.0 or (np.abs(roots) >= _STABLE).any():
-            break
+        if order:
+            reflection = float(covariance[order] - weights @ covariance[order - 1 : 0 : -1]) / noise
+            if abs(reflection) >= _STABLE:
+                break
+            weights = np.concatenate((weights - reflection * weights[::-1], [reflection]))
+            noise *= 1.0 - reflection**2
         criterion = n * np.log(noise) + 2.0 * (order + 1) * n / max(n - order - 2, 1)
         if criterion < best:
             best, found = criterion, (weights, noise)

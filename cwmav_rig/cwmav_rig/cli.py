@@ -12,6 +12,7 @@ from cwmav_common.cli import app, emit, main_guard, message
 from cwmav_common.errors import InputError
 from cwmav_common.progress import progress
 from cwmav_common.settings import from_mapping, override
+from cwmav_rig.angle.command import register as register_angle
 
 cli = app("cwmav-rig", "Recordings of the rig: synthesise, inspect, estimate uncertainties, model the power.")
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
@@ -144,6 +145,7 @@ def power_command(
     )
 
 
+register_angle(cli)
 main = main_guard(cli)
 
 if __name__ == "__main__":

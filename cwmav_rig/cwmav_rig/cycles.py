@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, find_objects, label
 from scipy.signal import fftconvolve, welch
 
 from cwmav_common.errors import InputError
@@ -28,10 +28,15 @@ Mask = NDArray[np.bool_]
 
 LOWEST, HIGHEST = 3.0, 40.0  # Hz, search range; the rig runs at 4-30 Hz
 HARMONICS = 6
+MAINS_PIECE, LEAST_TURNS = 10.0, 50  # s, turns of a line below which it is not told from other forces
+NEAR_HARMONIC = 0.08  # of the flapping frequency
 REFINEMENTS = 4
+LINES = 8  # harmonics that speak for a fundamental
 SIGNIFICANT = 0.02  # share of the strongest line's amplitude that a fundamental must have
 LEAST_CYCLES = 8
+NEGLIGIBLE = 0.2  # share of the waveform's deviation below which a difference does not matter
 DEVIATION = 0.25  # a cycle whose length differs more from the median was mistaken
+ODD = 4.0  # a cycle that differs from the mean waveform by so many times the usual was disturbed
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,10 @@ def find_cycles(block: Block, columns: tuple[str, ...] = ("fz", "fx")) -> Cycles
     signals = np.stack([_filled(block.column(name), good) for name in columns], axis=1)
     frequency = fundamental(signals, 1.0 / block.step)
     signal = signals[:, int(np.argmax(signals.std(axis=0)))]
-    phase = refined_phase(signal, block.step, frequency, good)
-    return _cut(block, phase, frequency, good)
+    signal = without_mains(signal, block.step, frequency)
+    phase, residual = refined_phase(signal, block.step, frequency, good)
+    phase = _bridged(phase, _widened(~good, round(0.5 / (frequency * block.step))), block.step, frequency)
+    return _cut(block, phase, residual, frequency, float(signal.std()))
 
 
 def fundamental(signals: Array, rate: float) -> float:
@@ -99,11 +106,12 @@ def fundamental(signals: Array, rate: float) -> float:
     length = min(len(signals), int(8.0 * rate))
     freqs, density = welch(signals, rate, nperseg=length, axis=0, detrend="constant")
     amplitude = np.sqrt(density.sum(axis=1) * freqs[1])
-    floor = float(np.median(amplitude[(freqs > LOWEST / 2) & (freqs < min(4 * HIGHEST, 0.45 * rate))]))
+    usual = float(np.median(amplitude[(freqs > LOWEST / 2) & (freqs < min(4 * HIGHEST, 0.45 * rate))]))
+    floor = max(usual, 1e-3 * float(amplitude.max()))
     candidates = np.arange(LOWEST, min(HIGHEST, 0.2 * rate), freqs[1] / 2.0)
     lines = np.array([_line(freqs, amplitude, f) for f in candidates])
-    families = np.array([_family(freqs, amplitude, f) for f in candidates])
-    if not len(lines) or lines.max() < 6.0 * floor or not np.isfinite(lines).all():
+    families = np.array([_family(freqs, amplitude / max(floor, 1e-300), f) for f in candidates])
+    if not len(lines) or not lines.max() > 6.0 * floor > 0.0:
         raise InputError(
             f"force: no periodic signal between {LOWEST:g} and {HIGHEST:g} Hz stands out of the noise"
         )
@@ -117,11 +125,15 @@ def _line(freqs: Array, amplitude: Array, frequency: float) -> float:
     return float(amplitude[near].max(initial=0.0))
 
 
-def _family(freqs: Array, amplitude: Array, frequency: float) -> float:
-    """Amplitude on the harmonics less what lies half-way between them: low for a multiple of the true one."""
-    on = sum(_line(freqs, amplitude, h * frequency) for h in range(1, 5))
-    between = sum(_line(freqs, amplitude, (h - 0.5) * frequency) for h in range(1, 5))
-    return on - between
+def _family(freqs: Array, above_floor: Array, frequency: float) -> float:
+    """Weigh the lines on the harmonics less those half-way between them, which a multiple of the true one has.
+
+    The logarithm makes many lines count for more than a single strong one, which a resonance lifts.
+    """
+    orders = np.arange(1, LINES + 1)
+    on = sum(np.log1p(_line(freqs, above_floor, h * frequency)) for h in orders)
+    between = sum(np.log1p(_line(freqs, above_floor, (h - 0.5) * frequency)) for h in orders)
+    return float(on - between)
 
 
 def _centroid(freqs: Array, amplitude: Array, frequency: float) -> float:
@@ -130,8 +142,31 @@ def _centroid(freqs: Array, amplitude: Array, frequency: float) -> float:
     return float((freqs[near] * weight).sum() / weight.sum())
 
 
-def refined_phase(signal: Array, step: float, frequency: float, good: Mask) -> Array:
-    """Phase [rad] of the cycle at every sample of `signal` (n,)."""
+def without_mains(signal: Array, step: float, frequency: float) -> Array:
+    """Take lines of the mains off a signal (n,), but none that a harmonic of the flapping comes near to.
+
+    The line is fitted in pieces of ten seconds, so that it may drift; flapping wanders too much to be caught.
+    """
+    left = signal - signal.mean()
+    piece = round(MAINS_PIECE / step)
+    for line in mains_lines(step, frequency):
+        for begin in range(0, len(left), piece):
+            part = slice(begin, begin + piece)
+            turn = 2.0 * np.pi * line * step * np.arange(begin, begin + len(left[part]))
+            if line * step * len(turn) >= LEAST_TURNS:
+                basis = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+                left[part] -= basis @ (2.0 / len(turn) * (basis.T @ left[part]))
+    return left + signal.mean()
+
+
+def mains_lines(step: float, frequency: float) -> list[float]:
+    """Give the mains lines [Hz] that can be told from the harmonics of the flapping frequency."""
+    lines = [order * mains for mains in (50.0, 60.0) for order in (1, 3) if order * mains * step < 0.5]
+    return [line for line in lines if abs(line / frequency - round(line / frequency)) > NEAR_HARMONIC]
+
+
+def refined_phase(signal: Array, step: float, frequency: float, good: Mask) -> tuple[Array, Array]:
+    """Phase [rad] at every sample of `signal` (n,), and what the mean waveform leaves over (n,)."""
     phase = _demodulated(signal, step, frequency)
     width = max(5, round(1.0 / (frequency * step)) | 1)
     window = np.hanning(width + 2)[1:-1]
@@ -144,7 +179,8 @@ def refined_phase(signal: Array, step: float, frequency: float, good: Mask) -> A
         pr, sr = _smooth(slope * residual, window), _smooth(shape * residual, window)
         determinant = np.maximum(pp * ss - ps * ps, 1e-3 * pp.mean() * ss.mean() + 1e-300)
         phase = phase + np.clip((pr * ss - sr * ps) / determinant, -0.5, 0.5)
-    return phase
+    model, _ = _waveform(signal, phase, good, step, frequency)
+    return phase, np.where(good, signal - model, 0.0)
 
 
 def _demodulated(signal: Array, step: float, frequency: float) -> Array:
@@ -179,7 +215,7 @@ def _filled(values: Array, good: Mask) -> Array:
     return np.where(good, values, values[good].mean())
 
 
-def _cut(block: Block, phase: Array, frequency: float, good: Mask) -> Cycles:
+def _cut(block: Block, phase: Array, residual: Array, frequency: float, strength: float) -> Cycles:
     time = block.time
     margin = 1.0 / frequency  # the windows of phase and waveform are one-sided at the ends
     inside = (time >= time[0] + margin) & (time <= time[-1] - margin)
@@ -193,10 +229,38 @@ def _cut(block: Block, phase: Array, frequency: float, good: Mask) -> Cycles:
     lengths = np.diff(bounds)
     usual = np.median(lengths)
     wrong = np.abs(lengths / usual - 1.0) > DEVIATION
-    reach = max(1, round(0.5 / (frequency * block.step)))
-    masked = _touches(binary_dilation(~good, iterations=reach) if (~good).any() else ~good, block, bounds)
-    rejected = Counter({"gap_or_masked": int(masked.sum()), "phase_lost": int((wrong & ~masked).sum())})
-    return Cycles(bounds, ~(wrong | masked), +rejected)
+    masked = _touches(_widened(~block.good, round(0.5 / (frequency * block.step))), block, bounds)
+    squares = _interval_means(residual**2, block, bounds)
+    usual = ODD**2 * np.median(squares[~masked]) if (~masked).any() else np.inf
+    odd = squares > max(usual, NEGLIGIBLE**2 * strength**2)
+    reasons = {"gap_or_masked": masked, "odd_waveform": odd & ~masked, "phase_lost": wrong & ~masked & ~odd}
+    rejected = Counter({name: int(found.sum()) for name, found in reasons.items()})
+    return Cycles(bounds, ~(wrong | masked | odd), +rejected)
+
+
+def _widened(bad: Mask, half_cycle: int) -> Mask:
+    """Widen gaps of more than a quarter cycle by half a cycle: the phase beside them has one side only."""
+    if not bad.any():
+        return bad
+    runs, count = label(bad)
+    lengths = np.bincount(runs, minlength=count + 1)
+    long = (lengths > half_cycle // 2)[runs] & bad
+    return np.asarray(bad | (binary_dilation(long, iterations=max(half_cycle, 1)) if long.any() else bad))
+
+
+def _bridged(phase: Array, bad: Mask, step: float, frequency: float) -> Array:
+    """Draw the phase straight through gaps, with the number of turns that the frequency asks for."""
+    runs, count = label(bad)
+    phase = phase.copy()
+    for run in find_objects(runs) if count else ():
+        begin, end = run[0].start - 1, run[0].stop
+        if begin < 0 or end >= len(phase):
+            continue
+        turned = (phase[end] - phase[begin]) / (2.0 * np.pi)
+        slip = round(frequency * step * (end - begin) - turned)
+        phase[end:] += 2.0 * np.pi * slip
+        phase[begin : end + 1] = np.linspace(phase[begin], phase[end], end - begin + 1)
+    return phase
 
 
 def _touches(bad: Mask, block: Block, bounds: Array) -> Mask:
@@ -210,8 +274,14 @@ def cycle_means(block: Block, column: str, bounds: Array) -> Array:
     """Means of a column over the intervals between `bounds` (m + 1,), (m,); NaN where a sample is missing."""
     values = block.column(column)
     good = np.isfinite(values)
-    integral = np.concatenate(([0.0], np.cumsum(np.where(good, values, 0.0)))) * block.step
-    edges = block.start + block.step * (np.arange(len(values) + 1) - 0.5)
-    means = np.diff(np.interp(bounds, edges, integral)) / np.diff(bounds)
+    means = _interval_means(np.where(good, values, 0.0), block, bounds)
+    edges = block.start + block.step * (np.array([0, len(values)]) - 0.5)
     outside = (bounds[:-1] < edges[0]) | (bounds[1:] > edges[-1])
     return np.where(outside | _touches(~good, block, bounds), np.nan, means)
+
+
+def _interval_means(values: Array, block: Block, bounds: Array) -> Array:
+    """Means of values (n,) on the grid of `block` over the intervals between `bounds` (m + 1,), (m,)."""
+    integral = np.concatenate(([0.0], np.cumsum(values))) * block.step
+    edges = block.start + block.step * (np.arange(len(values) + 1) - 0.5)
+    return np.asarray(np.diff(np.interp(bounds, edges, integral)) / np.diff(bounds))

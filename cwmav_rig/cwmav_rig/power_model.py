@@ -111,7 +111,7 @@ class PowerModel:
         Parameters
         ----------
         model
-            ``physical``, or ``paper_law``: the empirical law that has the optima of the paper's Tables 5 and 6.
+            ``physical``, or ``paper_law``: the empirical law that has the optima of the paper's Tables 5, 6.
         """
         if model not in _BUNDLED:
             raise InputError(f"bundled power model {model!r}; allowed: {', '.join(_BUNDLED)}")

@@ -16,6 +16,7 @@ from typing import Any
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import Recording
 from cwmav_common.settings import from_mapping, read_yaml, setting
+from cwmav_rig.angle.settings import AngleSettings
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 FORCE_TYPES = ("cwmav_msgs/msg/WrenchBlock", "geometry_msgs/msg/WrenchStamped")
@@ -80,6 +81,8 @@ class AngleRole:
     gain: float = setting(1.0, "factor from the recorded to the true angle; -1 when nose down is positive")
     offset_deg: float = setting(0.0, "added to the angle", unit="deg", ge=-180, le=180)
     clock: str = setting("camera", "name of the instrument's clock among the trigger edges")
+    camera_info: str = setting("", "CameraInfo topic of camera frames; the one beside them when empty")
+    camera: AngleSettings = field(default_factory=AngleSettings)
 
 
 @dataclass(frozen=True)
@@ -127,6 +130,7 @@ class TopicMap:
             "voltage": self.voltage.topic,
             "current": self.current.topic,
             "angle_of_attack": self.angle_of_attack.topic,
+            "camera_info": self.angle_of_attack.camera_info,
             "wind": self.wind.topic,
             "temperature": self.wind.temperature,
             "trigger": self.trigger.topic,
@@ -141,6 +145,7 @@ _TYPES: dict[str, tuple[str, ...]] = {
     "voltage": SCALAR_TYPES,
     "current": SCALAR_TYPES,
     "angle_of_attack": ANGLE_TYPES + CAMERA_TYPES,
+    "camera_info": ("sensor_msgs/msg/CameraInfo",),
     "wind": WIND_TYPES,
     "temperature": TEMPERATURE_TYPES,
     "trigger": TRIGGER_TYPES,

@@ -66,6 +66,24 @@ def load(recording: Recording, topic_map: TopicMap) -> RigData:
     return data
 
 
+def _picture_topic(recording: Recording, topic_map: TopicMap) -> str:
+    topic = topic_map.angle_of_attack.topic
+    return topic if topic and recording.topics[topic].type_name in CAMERA_TYPES else ""
+
+
+def _angle_from_pictures(recording: Recording, topic_map: TopicMap) -> Series | None:
+    from cwmav_rig.angle.source import (
+        measure_bag,
+        role_settings,
+    )  # OpenCV is large: only where there are pictures
+    from cwmav_rig.angle.stream import as_series
+
+    role = topic_map.angle_of_attack
+    settings = role_settings(role, str(recording.path))
+    found = as_series(measure_bag(recording, role.topic, role.camera_info, settings), recording.span_ns[0])
+    return found if found.samples else None
+
+
 def _tare_recording(topic_map: TopicMap) -> tuple[tuple[float, Array], ...]:
     only_force = TopicMap(force=topic_map.force, tare="none")
     with open_recording(topic_map.tare) as recording:
