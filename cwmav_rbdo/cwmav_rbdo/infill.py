@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from cwmav_rbdo.lift_to_power import RatioSurrogate
+from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
 from cwmav_rbdo.optimum import Optimum
 from cwmav_rbdo.samples import Samples
 from cwmav_rbdo.swarm import PyswarmsSwarm
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 class State:
     """What an infill rule may look at; the surface already knows the evaluation at the optimum."""
 
-    surface: RatioSurrogate
+    surface: LiftToPower | DirectRatio
     problem: WingProblem
     optimum: Optimum
     window: Window
@@ -103,7 +103,7 @@ def _of_window(state: State) -> Candidate:
 
 
 def largest_mse(
-    surface: RatioSurrogate, problem: WingProblem, lower: Array, upper: Array, rng: np.random.Generator
+    surface: LiftToPower | DirectRatio, problem: WingProblem, lower: Array, upper: Array, rng: np.random.Generator
 ) -> tuple[Array, float]:
     """Point (d,) of the largest Kriging mean square error (Eq. 20) in a box, and that error."""
     found = PyswarmsSwarm(problem.swarm).minimise(lambda X: -surface.mse(X), lower, upper, rng)

@@ -22,7 +22,7 @@ from cwmav_rbdo.evaluation import Answer, Evaluation, Request
 from cwmav_rbdo.infill import State, largest_mse, new_samples
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.kriging import Kriging
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower, RatioSurrogate
+from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
 from cwmav_rbdo.noise import Noise
 from cwmav_rbdo.optimum import Optimum, reliable_optimum
 from cwmav_rbdo.result import Constraint, IterationRow, Result
@@ -48,7 +48,7 @@ class AcceleratedLoop:
     ----------
     iterations : list of IterationRow
     samples : evaluated points so far, with those excluded
-    surface : RatioSurrogate or None
+    surface : LiftToPower, DirectRatio or None
         The surrogates as last fitted.
     """
 
@@ -59,7 +59,7 @@ class AcceleratedLoop:
         self.noise = noise
         self.iterations: list[IterationRow] = []
         self.samples = Samples(problem.lower, problem.upper)
-        self.surface: RatioSurrogate | None = None
+        self.surface: LiftToPower | DirectRatio | None = None
         self.message = ""
         self._rng = rng
         self._std = np.array([noise.std(name) for name in problem.names])
@@ -103,7 +103,7 @@ class AcceleratedLoop:
             self.samples.add(told)
             self._require_progress(told)
 
-    def _fit(self) -> RatioSurrogate:
+    def _fit(self) -> LiftToPower | DirectRatio:
         s = self.samples
         if len(s.X) < len(self.problem.names) + 2:
             raise WorkError(

@@ -46,6 +46,15 @@ class Noise:
         }
 
 
+def from_json(values: Mapping[str, Any]) -> Noise:
+    """Restore what :meth:`Noise.to_json` gave."""
+    scatter = {}
+    for name, entry in values["scatter"].items():
+        numbers = {key: _number(entry[key]) for key in ("std", "low", "high", "mean")}
+        scatter[name] = Scatter(**numbers, distribution=entry["distribution"])
+    return Noise(scatter, values["source"])
+
+
 def given(problem: WingProblem) -> Noise:
     """Noise as the problem file gives it."""
     if problem.noise is None:
@@ -79,9 +88,36 @@ def from_report(report: Mapping[str, Any], source: str) -> Noise:
 def measured(recording: Path, topic_map: str = "") -> Noise:
     """Measure the noise on a rig recording."""
     from cwmav_rig.analysis import analyse  # deferred: studies with given noise need no rig code
+    from cwmav_rig.topic_map import load_topic_map
 
-    report = analyse(recording, topic_map or None).to_json()
-    return from_report(report, f"measured on {recording}")
+    report = analyse(recording, load_topic_map(topic_map) if topic_map else None)
+    mark = " (synthetic)" if report.synthetic else ""
+    return from_report(report.to_json(), f"measured on {recording}{mark}, {report.cycles} cycles")
+
+
+def obtain(problem: WingProblem) -> Noise:
+    """Give the noise of a problem that is solved without ROS: as given, or measured on its recording.
+
+    Raises
+    ------
+    InputError
+        The noise is to be measured and there is no recording.
+    """
+    if problem.noise is not None:
+        return given(problem)
+    named = problem.source.scatter_recording
+    return measured(Path(named) if named else _bundled_recording(), problem.source.topic_map)
+
+
+def _bundled_recording() -> Path:
+    """The recording of the demo, below the working folder or in the source tree."""
+    for root in (Path.cwd(), Path(__file__).resolve().parents[2]):
+        if (root / "bags" / "demo").is_dir():
+            return root / "bags" / "demo"
+    raise InputError(
+        "noise: measured, but there is no recording bags/demo here; name one in the problem file "
+        "(source: {scatter_recording: ..}) or give the noise (noise: {F: .., AoA: .., U: ..})"
+    )
 
 
 def _number(value: Any) -> float:

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_rbdo.lift_to_power import RatioSurrogate
+from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.ratio_margin import RatioMargin
 from cwmav_rbdo.reliability import ConvolvedField, line_root, line_root_estimate
 from cwmav_rbdo.result import Band
 from cwmav_rbdo.swarm import PyswarmsSwarm
@@ -41,7 +42,7 @@ class Optimum:
 
 
 def reliable_optimum(
-    surface: RatioSurrogate, problem: WingProblem, std: Array, rng: np.random.Generator
+    surface: LiftToPower | DirectRatio, problem: WingProblem, std: Array, rng: np.random.Generator
 ) -> Optimum:
     """Maximise the predicted L/P over the designs that hold the requirement.
 
@@ -58,8 +59,7 @@ def reliable_optimum(
         Where no design holds the requirement: the most reliable one found, with ``feasible`` false.
     """
 
-    def limit_state(X: Array) -> Array:  # Eq. 14
-        return surface.mean(X) - problem.require.lift_to_power
+    limit_state = RatioMargin(surface, problem.require.lift_to_power)  # Eq. 14
 
     def exact(X: Array) -> Array:
         return line_root(limit_state, X, std)[0]
@@ -83,22 +83,13 @@ def reliable_optimum(
     return Optimum(polished, float(mean[0]), float(error[0]), band, band.value >= problem.require.reliability)
 
 
-def reliability_band(surface: RatioSurrogate, x: Array, std: Array, required: float) -> Band:
+def reliability_band(surface: LiftToPower | DirectRatio, x: Array, std: Array, required: float) -> Band:
     """Reliability of one design (Eq. 5) on the mean surface, and on the surfaces 1.96 errors below and above."""
-
-    def shifted(k: float) -> Callable[[Array], Array]:
-        def g(X: Array) -> Array:
-            mean, error = surface.predict(X)
-            return mean + k * error - required
-
-        return g
-
-    middle = line_root_estimate(lambda X: surface.mean(X) - required, x, std)
-    low, high = (line_root_estimate(shifted(k), x, std) for k in (-_K, _K))
+    middle, low, high = (line_root_estimate(RatioMargin(surface, required, k), x, std) for k in (0.0, -_K, _K))
     return Band(middle.reliability, middle.std, low.reliability, high.reliability, middle.method)
 
 
-def _screen(g: Callable[[Array], Array], lower: Array, upper: Array, std: Array) -> FailureProbability | None:
+def _screen(g: RatioMargin, lower: Array, upper: Array, std: Array) -> FailureProbability | None:
     """Field of the failure probability; None where there is none (more than three variables, or no scatter)."""
     if len(std) > 3 or not np.all(std > 0):
         return None
@@ -108,7 +99,7 @@ def _screen(g: Callable[[Array], Array], lower: Array, upper: Array, std: Array)
     return ConvolvedField(g, lower, upper, std, step=min(step, 1.2)).failure_probability
 
 
-def _ranking(surface: RatioSurrogate, failure: FailureProbability, allowed: float) -> Callable[[Array], Array]:
+def _ranking(surface: LiftToPower | DirectRatio, failure: FailureProbability, allowed: float) -> Callable[[Array], Array]:
     """Value to minimise: -L/P where feasible; elsewhere the failure probability, ties broken by L/P."""
 
     def value(X: Array) -> Array:

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command line of the optimiser: ``cwmav-rbdo``."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cwmav_common.cli import app, emit, main_guard, message
+from cwmav_common.errors import InputError
+
+cli = app("cwmav-rbdo", "Reliability-based design optimisation: the wing study, and problems given as files.")
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
+
+
+@cli.callback()
+def main_callback() -> None:
+    """Reliability-based design optimisation."""
+
+
+@cli.command()
+def run(
+    problem: Annotated[Path, typer.Argument(help="Problem file, or the name of a bundled one.")],
+    seed: Seed = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the newest unfinished run of this problem.")] = False,
+    evaluate: Annotated[str, typer.Option(help="Who evaluates a wing study instead: ros, local or table.")] = "",
+    runs: Annotated[Path, typer.Option(help="Folder of the run folders.")] = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Solve a problem."""
+    from cwmav_rbdo.problem import Problem, load_problem
+    from cwmav_rbdo.run_folder import RunFolder
+    from cwmav_rbdo.study import run_study
+    from cwmav_rbdo.text import iteration_header, iteration_line, summary_lines
+    from cwmav_rbdo.wing_problem import EVALUATORS, WingProblem
+
+    task: Problem = load_problem(problem)
+    if evaluate:
+        if evaluate not in EVALUATORS or not isinstance(task, WingProblem):
+            raise InputError(f"--evaluate {evaluate}: allowed for a wing study: {', '.join(EVALUATORS)}")
+        task = replace(task, evaluate=evaluate)
+    if resume:
+        folder = RunFolder.unfinished(runs, task.id)
+        seed = int(folder.read_config()["seed"])
+    else:
+        folder = RunFolder.create(runs, task.id)
+    message(f"run       {folder.path}")
+    with ExitStack() as stack:
+        evaluator = noise = None
+        if isinstance(task, WingProblem):
+            message(iteration_header(task))
+            if task.evaluate == "ros":
+                from cwmav_rbdo.ros_access import connect
+
+                evaluator, noise = stack.enter_context(connect(task, measure=not resume))
+        result = run_study(
+            task,
+            evaluator,
+            seed=seed,
+            run_folder=folder,
+            resume=resume,
+            noise=noise,
+            on_iteration=lambda row: message(iteration_line(row)),
+        )
+    report = [f"report    {folder.report}"] if folder.report.exists() else []
+    emit(result.to_json() | {"run_folder": str(folder.path)}, as_json, [*summary_lines(result), *report])
+
+
+main = main_guard(cli)
+
+if __name__ == "__main__":
+    main()
