@@ -23,7 +23,7 @@ class Fluid:
     background_pressure: float = setting(0.0, "pressure added everywhere against voids", unit="Pa", ge=0)
     diffusion: float = setting(0.1, "density diffusion coefficient (Fourtakas)", ge=0, le=1)
     diffusion_near_wall: str = setting(
-        "keep", "density diffusion of particles that see a wall", choices=("keep", "off")
+        "keep", "density diffusion of particles that see a wall", choices=("keep", "skip")
     )
 
     def effective_sound_speed(self, highest_speed: float) -> float:

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The time loop of air and wings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cwmav_common.errors import WorkError
+from cwmav_sim.sph.cells import make_grid
+from cwmav_sim.sph.crossing import Crossings, put_back
+from cwmav_sim.sph.easing import ease
+from cwmav_sim.sph.eos import Tait
+from cwmav_sim.sph.integrate import correct, predict
+from cwmav_sim.sph.interaction import Interaction, Rates
+from cwmav_sim.sph.settings import FlowSettings
+from cwmav_sim.sph.sheet import Motion, Nodes
+from cwmav_sim.sph.state import Particles, lattice
+from cwmav_sim.sph.stream import relax
+from cwmav_sim.sph.surfaces import Sides
+from cwmav_sim.sph.timers import Timers
+from cwmav_sim.sph.timestep import stable_step
+
+FloatArray = NDArray[np.float64]
+
+# Storage follows space again after this many steps, so that neighbours lie near each other in memory.
+_REORDER_EVERY = 50
+
+
+@dataclass(frozen=True)
+class StepInfo:
+    """What one step did; forces are those between its begin and its end.
+
+    Attributes
+    ----------
+    time, dt : float
+        Time at the end of the step and its length [s].
+    pressure, viscous : ndarray, shape (panels, 3)
+        Forces of the air on every panel [N], wind frame.
+    power : ndarray, shape (panels,)
+        Power every panel gives to the air [W].
+    crossings : int
+        Particles the safety net put back in this step.
+    """
+
+    time: float
+    dt: float
+    pressure: FloatArray
+    viscous: FloatArray
+    power: FloatArray
+    crossings: int
+
+
+class Solver:
+    """Weakly compressible air around moving walls without thickness.
+
+    Parameters
+    ----------
+    settings : FlowSettings
+        Numerics of the air.
+    motion : Motion or None
+        The walls; None for air alone.
+    airspeed : float
+        Speed of the stream along x [m/s].
+    highest_speed : float, optional
+        Highest speed to expect [m/s]; it sets the speed of sound. By default that of the stream and of the
+        walls over ``motion.period``, or over the first second of a motion without one.
+    """
+
+    def __init__(
+        self,
+        settings: FlowSettings,
+        motion: Motion | None,
+        airspeed: float,
+        *,
+        highest_speed: float | None = None,
+    ) -> None:
+        self._settings, self._motion = settings, motion
+        self._stream = np.array([airspeed, 0.0, 0.0])
+        resolution, fluid = settings.resolution, settings.fluid
+        self._h = resolution.h_over_dp * resolution.dp
+        self._speed = highest_speed if highest_speed is not None else _expected_speed(motion, airspeed)
+        self.sound_speed = fluid.effective_sound_speed(self._speed)
+        self._eos = Tait(fluid.density, self.sound_speed, fluid.gamma, fluid.background_pressure)
+        self._air, low, size = lattice(settings.box, resolution, fluid.density, self._stream)
+        self._grid = make_grid(
+            low, size, self._h, mirrored=settings.box.symmetric, dimensions=settings.box.dimensions
+        )
+        self.timers = Timers()
+        self._interaction = Interaction(settings, self._grid, self._eos, motion, self.timers)
+        self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0, 0.0)
+        self._sides: Sides | None = None
+        self.time = 0.0
+        self.steps = 0
+        self.crossings = 0
+        self.wall_impulse = np.zeros(3)
+        self.fringe_impulse = np.zeros(3)
+
+    def step(self) -> StepInfo:
+        """Advance by one time step.
+
+        Raises
+        ------
+        WorkError
+            When the flow blows up.
+        """
+        dt = self._dt
+        if self.steps % _REORDER_EVERY == 0:
+            self._reorder()
+        rates, crossed = self._rates_on_own_side(dt)
+        middle = predict(self._air, rates, dt)
+        self._confine(middle)
+        nodes = self._nodes(self.time + 0.5 * dt)
+        middle_rates = self._interaction.rates(middle, nodes)
+        with self.timers.phase("update"):
+            self._air = correct(self._air, middle, middle_rates, dt)
+            ease(self._air.x, middle_rates, self._settings, self._h, self._speed, dt)
+            self._relax(dt)
+            self._confine(self._air)
+            self._sides = rates.sides
+            self._dt = self._next_step(rates, middle_rates, nodes)
+        self.time += dt
+        self.steps += 1
+        self.crossings += int(crossed.count.sum())
+        pressure = middle_rates.pressure + crossed.impulse / dt
+        self.wall_impulse += dt * (pressure + middle_rates.viscous).sum(axis=0)
+        return StepInfo(
+            self.time, dt, pressure, middle_rates.viscous, middle_rates.power, int(crossed.count.sum())
+        )
+
+    def _rates_on_own_side(self, dt: float) -> tuple[Rates, Crossings]:
+        """Rates at the begin of a step, after putting back whatever slipped through a wall in the last one."""
+        panels = self._interaction.panels
+        rates = self._interaction.rates(self._air, self._nodes(self.time))
+        if self._sides is None or panels == 0:
+            return rates, Crossings(np.zeros(panels, np.int64), np.zeros((panels, 3)))
+        dp = self._settings.resolution.dp
+        crossed = put_back(self._air, self._sides, rates.sides, panels, dp, dt)
+        if crossed.count.any():
+            self._confine(self._air)
+            rates = self._interaction.rates(self._air, self._nodes(self.time))
+        return rates, crossed
+
+    def _nodes(self, t: float) -> Nodes | None:
+        return None if self._motion is None else self._motion.state(t)
+
+    def _reorder(self) -> None:
+        order = self._interaction.storage_order(self._air)
+        self._air.reorder(order)
+        if self._sides is not None:
+            self._sides = self._sides.take(order)
+
+    def _relax(self, dt: float) -> None:
+        fringe, air = self._settings.fringe, self._air
+        if fringe.width == 0.0:
+            return
+        begin = float(self._grid.low[0] + self._grid.size[0]) - fringe.width
+        rho0 = self._settings.fluid.density
+        change = relax(air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt)
+        self.fringe_impulse += air.mass * change
+
+    def _confine(self, air: Particles) -> None:
+        """Bring particles that left the box back: around its periodic faces, off its mirrors."""
+        if self._grid.mirrored:
+            low, high = self._grid.low[1], self._grid.low[1] + self._grid.size[1]
+            for face, beyond in ((low, air.x[:, 1] < low), (high, air.x[:, 1] > high)):
+                air.x[beyond, 1] = 2.0 * face - air.x[beyond, 1]
+                air.v[beyond, 1] *= -1.0
+        self._grid.wrap(air.x)
+
+    def _next_step(self, first: Rates, second: Rates, nodes: Nodes | None) -> float:
+        speed = _largest(self._air.v)
+        if not math.isfinite(speed) or not np.isfinite(self._air.rho).all():
+            raise WorkError(
+                f"the air became undefined at t = {self.time:.6g} s (step {self.steps}, dt = {self._dt:.3g} s)"
+            )
+        if nodes is not None:
+            speed = max(speed, _largest(nodes.v))
+        acceleration = max(_largest(first.acceleration), _largest(second.acceleration))
+        # The speed of sound already stands mach_limit above the expected speed, so the factor of ten in the
+        # acoustic limit would only repeat it; speeds beyond the expected ones still shorten the step.
+        excess = speed if speed > self._speed else 0.0
+        return stable_step(self._settings.resolution.cfl, self._h, self.sound_speed, excess, acceleration)
+
+    @property
+    def particles(self) -> int:
+        """Number of particles; none is ever lost."""
+        return self._air.count
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions of the particles [m], shape (n, 3)."""
+        return self._air.x
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities of the particles [m/s], shape (n, 3)."""
+        return self._air.v
+
+    @property
+    def density(self) -> FloatArray:
+        """Densities of the particles [kg/m3], shape (n,)."""
+        return self._air.rho
+
+    @property
+    def pressure(self) -> FloatArray:
+        """Pressures of the particles, background included [Pa], shape (n,)."""
+        return self._eos.pressure(self._air.rho)
+
+    @property
+    def identity(self) -> NDArray[np.int64]:
+        """Numbers of the particles, in their present order, shape (n,)."""
+        return self._air.identity
+
+    def momentum(self) -> FloatArray:
+        """Momentum of the air [kg m/s], shape (3,)."""
+        return self._air.momentum()
+
+    def pairs(self) -> int:
+        """Ordered pairs of particles within the support, as one pass sums them."""
+        return self._interaction.pairs(self._air)
+
+
+def _largest(vectors: FloatArray) -> float:
+    return math.sqrt(float(np.max(np.einsum("ij,ij->i", vectors, vectors))))
+
+
+def _expected_speed(motion: Motion | None, airspeed: float) -> float:
+    """Highest speed of the stream and of the walls [m/s], walls sampled over a period of their motion."""
+    if motion is None:
+        return abs(airspeed)
+    period = float(getattr(motion, "period", 1.0))
+    walls = max(_largest(motion.state(t).v) for t in np.linspace(0.0, 2.0 * period, 193))
+    return math.hypot(walls, airspeed)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Safety net: no particle may pass through a wall.
+
+After every step the side of each particle is compared with the one before. A particle that changed sides
+inside the outline is put back at a tenth of a spacing on its own side and loses its speed normal to the wall
+relative to it; the wall takes the opposite impulse, so momentum stays balanced, and the event is counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from cwmav_sim.sph.state import Particles
+from cwmav_sim.sph.surfaces import Sides
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_BACK = 0.1  # spacings
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """What the net caught in one step.
+
+    Attributes
+    ----------
+    count : ndarray, shape (panels,)
+        Particles put back.
+    impulse : ndarray, shape (panels, 3)
+        Impulse on the panels [N s].
+    """
+
+    count: IntArray
+    impulse: FloatArray
+
+
+def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: float, dt: float) -> Crossings:
+    """Put particles that crossed a wall within the last step of ``dt`` [s] back, in place."""
+    count = np.zeros(panels, np.int64)
+    impulse = np.zeros((panels, 3))
+    _put_back(
+        particles.x,
+        particles.v,
+        particles.mass,
+        before.signed,
+        before.inside,
+        now.signed,
+        now.inside,
+        now.normal,
+        _BACK * dp,
+        dt,
+        count,
+        impulse,
+    )
+    return Crossings(count, impulse)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _put_back(
+    x: FloatArray,
+    v: FloatArray,
+    mass: float,
+    signed_before: NDArray,
+    inside_before: NDArray,
+    signed: NDArray,
+    inside: NDArray,
+    normal: NDArray,
+    back: float,
+    dt: float,
+    count: IntArray,
+    impulse: FloatArray,
+) -> None:
+    for c in range(count.shape[0]):
+        for i in range(x.shape[0]):
+            s0, s1 = signed_before[c, i], signed[c, i]
+            if s0 * s1 >= 0.0 or inside_before[c, i] * abs(s1) + inside[c, i] * abs(s0) <= 0.0:
+                continue
+            side = 1.0 if s0 > 0.0 else -1.0
+            count[c] += 1
+            for q in range(3):
+                n = normal[c, q, i]
+                x[i, q] += (side * back - s1) * n
+                change = -(s1 - s0) / dt * n
+                v[i, q] += change
+                impulse[c, q] -= mass * change

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rates of change of all particles for one state of the air and of the walls.
+
+Here positions become cells, walls become elements, and the passes of ``forces`` are called. Callers keep
+their particles in storage order; what the passes see is sorted by cell and packed in the precision of the
+pairs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cwmav_sim.sph import forces
+from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
+from cwmav_sim.sph.eos import Tait
+from cwmav_sim.sph.gather import largest_buffer
+from cwmav_sim.sph.kernel import Kernel
+from cwmav_sim.sph.pair import FLUID_ROWS, pair_constants
+from cwmav_sim.sph.settings import FlowSettings
+from cwmav_sim.sph.sheet import Motion, Nodes, SheetQuadrature
+from cwmav_sim.sph.state import Particles
+from cwmav_sim.sph.surfaces import Sides, Surfaces, locate_surfaces
+from cwmav_sim.sph.timers import Timers
+from cwmav_sim.sph.wall import wall_constants
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What one pass gives, in the storage order of the particles.
+
+    Attributes
+    ----------
+    acceleration : ndarray, shape (n, 3)
+        [m/s2].
+    density_rate : ndarray, shape (n,)
+        [kg/(m3 s)].
+    concentration_gradient : ndarray, shape (n, 3)
+        Gradient of the particle concentration [1/m]; zero without shifting.
+    pressure, viscous : ndarray, shape (panels, 3)
+        Forces of the air on every panel [N].
+    power : ndarray, shape (panels,)
+        Power every panel gives to the air [W].
+    sides : Sides
+        Where the particles lie with respect to the walls.
+    """
+
+    acceleration: FloatArray
+    density_rate: FloatArray
+    concentration_gradient: FloatArray
+    pressure: FloatArray
+    viscous: FloatArray
+    power: FloatArray
+    sides: Sides
+
+
+class Interaction:
+    """The sums over neighbours and walls for one set of settings.
+
+    Parameters
+    ----------
+    settings : FlowSettings
+        Numerics.
+    grid : Grid
+        Box and cells.
+    eos : Tait
+        Equation of state.
+    motion : Motion or None
+        The walls.
+    timers : Timers
+        Receives the time of the phases sort, walls and pairs.
+    """
+
+    def __init__(
+        self, settings: FlowSettings, grid: Grid, eos: Tait, motion: Motion | None, timers: Timers
+    ) -> None:
+        dp, fluid = settings.resolution.dp, settings.fluid
+        self.dtype = np.dtype(np.float32 if settings.resolution.precision == "single" else np.float64)
+        self.kernel = Kernel(settings.resolution.h_over_dp * dp, settings.box.dimensions)
+        self._grid, self._eos, self._timers = grid, eos, timers
+        self._keep_diffusion = fluid.diffusion_near_wall == "keep"
+        self._shifting = settings.shifting.coefficient > 0.0
+        self._quadrature = None if motion is None else _quadrature(settings, motion)
+        self.panels = 0 if self._quadrature is None else self._quadrature.panels
+        self._pair_k = pair_constants(
+            self.kernel.h,
+            fluid.density,
+            float(self.kernel.value(dp)),
+            self.kernel.amplitude,
+            settings.shifting.tensile,
+            self.dtype,
+        )
+        self._wall_k = wall_constants(
+            self.kernel,
+            dp,
+            fluid.viscosity,
+            eos.sound_speed,
+            settings.sheet.approach_damping,
+            fluid.density,
+            self.dtype,
+        )
+        # Fourtakas et al. (2019): 2 delta h c0.
+        diffusion = 2.0 * fluid.diffusion * self.kernel.h * eos.sound_speed
+        self._scale = np.array([self.kernel.slope, 4.0 * fluid.viscosity, diffusion, fluid.density, 0.0])
+
+    def rates(self, particles: Particles, nodes: Nodes | None) -> Rates:
+        """Return the rates of the particles, which lie inside the box, among the walls in the given state."""
+        with self._timers.phase("sort"):
+            sorting = sort_into_cells(particles.x, self._grid)
+            fluid = self._pack(particles, sorting)
+            column = sorting.column.astype(self.dtype)
+        if self._quadrature is None or nodes is None:
+            with self._timers.phase("pairs"):
+                return self._unbounded(particles, sorting, fluid, column)
+        with self._timers.phase("walls"):
+            placed = self._quadrature.place(nodes)
+            surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
+        with self._timers.phase("pairs"):
+            return self._bounded(particles, sorting, fluid, column, surfaces)
+
+    def pairs(self, particles: Particles) -> int:
+        """Count the ordered pairs within the support, images across the faces of the box left out."""
+        tree = cKDTree(particles.x)
+        return int(tree.count_neighbors(tree, 2.0 * self.kernel.h)) - particles.count
+
+    def storage_order(self, particles: Particles) -> NDArray[np.int64]:
+        """Return the order in which neighbouring particles lie next to each other."""
+        return sort_into_cells(particles.x, self._grid).order
+
+    def _pack(self, particles: Particles, sorting: Sorting) -> NDArray:
+        fluid = np.empty((FLUID_ROWS, particles.count), self.dtype)
+        rho = particles.rho[sorting.order]
+        fluid[0:3] = sorting.local.T
+        fluid[3:6] = particles.v[sorting.order].T
+        fluid[6] = rho - self._eos.density
+        fluid[7] = self._eos.pressure(rho)
+        fluid[8] = particles.mass / rho
+        return fluid
+
+    def _unbounded(self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray) -> Rates:
+        integers = self._grid.integers
+        rates, shift = np.empty((4, particles.count)), np.empty((3, particles.count))
+        room = largest_buffer(sorting.start, integers, forces.GROUP)
+        forces.fluid_pass(
+            fluid,
+            column,
+            sorting.start,
+            integers,
+            self._grid.cell.astype(self.dtype),
+            self._pair_k,
+            self._scale,
+            self._shifting,
+            room,
+            rates,
+            shift,
+        )
+        sides = Sides.empty(0, particles.count, self.dtype)
+        return _in_storage_order(sorting, rates, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
+
+    def _bounded(
+        self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray, surfaces: Surfaces
+    ) -> Rates:
+        integers = self._grid.integers
+        elements, sides = surfaces.elements, surfaces.particle_sides
+        rates, shift = np.empty((4, particles.count)), np.empty((3, particles.count))
+        loads = np.zeros((forces.CHUNKS, self.panels, forces.LOAD_SIZE))
+        scale = self._scale.copy()
+        scale[forces.MASS] = particles.mass
+        forces.walled_pass(
+            fluid,
+            column,
+            sorting.start,
+            integers,
+            self._grid.cell.astype(self.dtype),
+            self._pair_k,
+            scale,
+            self._shifting,
+            self._keep_diffusion,
+            largest_buffer(sorting.start, integers, forces.GROUP),
+            sides.signed,
+            sides.inside,
+            surfaces.near,
+            elements.rows,
+            elements.column,
+            elements.start,
+            forces.wall_room(elements.start, integers, largest_buffer),
+            surfaces.element_sides.signed,
+            surfaces.element_sides.inside,
+            self._wall_k,
+            rates,
+            shift,
+            loads,
+        )
+        return _in_storage_order(sorting, rates, shift, loads.sum(axis=0), sides)
+
+
+def _quadrature(settings: FlowSettings, motion: Motion) -> SheetQuadrature:
+    dp = settings.resolution.dp
+    return SheetQuadrature(
+        motion,
+        spacing=settings.sheet.element_spacing * dp,
+        probe_spacing=0.5 * dp,
+        set_back=settings.sheet.set_back * dp,
+        dimensions=settings.box.dimensions,
+    )
+
+
+def _in_storage_order(
+    sorting: Sorting, rates: FloatArray, shift: FloatArray, loads: FloatArray, sides: Sides
+) -> Rates:
+    place = np.empty_like(sorting.order)
+    place[sorting.order] = np.arange(len(place))
+    return Rates(
+        acceleration=np.ascontiguousarray(rates[:3, place].T),
+        density_rate=rates[3, place],
+        concentration_gradient=np.ascontiguousarray(shift[:, place].T),
+        pressure=loads[:, 0:3],
+        viscous=loads[:, 3:6],
+        power=-(loads[:, 6] + loads[:, 7]),
+        sides=sides.take(place),
+    )

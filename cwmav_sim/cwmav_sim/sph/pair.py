@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one interaction formula of the fluid, summed over a buffer of neighbours.
+
+For a particle a and neighbours b, with r = x_a - x_b, grad W = F r, V_b = m_b / rho_b and
+eta^2 = 0.01 h^2, the sums are
+
+    divergence   sum V_b (v_a - v_b) . grad W
+    diffusion    sum V_b (rho_b - rho_a) r . grad W / (r^2 + eta^2)
+    pressure     sum V_b (p_a + p_b) grad W
+    viscosity    sum m_b (v_a - v_b) r . grad W / [(r^2 + eta^2)(rho_a + rho_b)]
+    shifting     sum V_b [1 + k (W / W(dp))^4] grad W
+
+(Monaghan 1994 for pressure and continuity; Fourtakas et al., Comput. Fluids 190 (2019) 346 for the
+diffusion; Lo & Shao, Appl. Ocean Res. 24 (2002) 275 for viscosity; Lind et al., J. Comput. Phys. 231 (2012)
+1499 for shifting.) The loop has no branch: max(1 - q/2, 0) removes what lies outside the support, the
+particle itself contributes nothing because r = 0, and a hidden neighbour has its volume V_b set to zero.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+# Rows of the packed fluid and of a neighbour buffer.
+X, Y, Z, VX, VY, VZ, DENSITY, PRESSURE, VOLUME = range(9)
+FLUID_ROWS = 9
+
+# Places in the array of pair constants.
+HALF_OVER_H, ETA2, TWICE_RHO0, ONE, TWO, FOUR, ZERO, W_RATIO, TENSILE = range(9)
+
+
+def pair_constants(
+    h: float, rho0: float, spacing_value: float, amplitude: float, tensile: float, dtype: np.dtype
+) -> NDArray:
+    """Return the constants of the pair sums in the precision of the pairs, shape (9,).
+
+    Parameters
+    ----------
+    h, rho0 : float
+        Smoothing length [m] and density at rest [kg/m3].
+    spacing_value, amplitude : float
+        Kernel at one particle spacing and its factor A.
+    tensile : float
+        Weight of the anti-clumping term of shifting.
+    dtype : numpy.dtype
+        float32 or float64.
+    """
+    values = [0.5 / h, 0.01 * h * h, 2.0 * rho0, 1.0, 2.0, 4.0, 0.0, amplitude / spacing_value, tensile]
+    return np.array(values, dtype=dtype)
+
+
+@nb.njit(cache=True, fastmath=True, error_model="numpy")
+def sum_pairs(a, buf, volume, n, k, shifting):
+    """Sum the interaction of one particle over ``n`` buffered neighbours.
+
+    Parameters
+    ----------
+    a : tuple of 8 floats
+        x, y, z, vx, vy, vz, density above rest, pressure of the particle.
+    buf : ndarray, shape (9, m)
+        Neighbours, rows as in the packed fluid.
+    volume : ndarray, shape (m,)
+        Volume of each neighbour, zero where hidden by a wall.
+    n : int
+        Entries to use.
+    k : ndarray, shape (9,)
+        Pair constants.
+    shifting : bool
+        Whether the shifting sum is wanted.
+
+    Returns
+    -------
+    tuple of 11 floats
+        Divergence, diffusion, pressure (3), viscosity (3), shifting (3), each without the kernel slope
+        factor.
+    """
+    xa, ya, za, ua, va, wa, da, pa = a
+    half_over_h, eta2, one, zero, two, four = k[HALF_OVER_H], k[ETA2], k[ONE], k[ZERO], k[TWO], k[FOUR]
+    rho_a = da + k[TWICE_RHO0]
+    ratio, tensile = k[W_RATIO], k[TENSILE]
+    x, y, z = buf[X], buf[Y], buf[Z]
+    u, v, w = buf[VX], buf[VY], buf[VZ]
+    density, pressure = buf[DENSITY], buf[PRESSURE]
+    rho0 = k[TWICE_RHO0] / two
+    div = dif = px = py = pz = fx = fy = fz = sx = sy = sz = zero
+    for j in range(n):
+        dx, dy, dz = xa - x[j], ya - y[j], za - z[j]
+        r2 = dx * dx + dy * dy + dz * dz
+        t = max(one - np.sqrt(r2) * half_over_h, zero)
+        f = t * t * t * volume[j]
+        du, dv, dw = ua - u[j], va - v[j], wa - w[j]
+        rate = du * dx + dv * dy + dw * dz
+        rho_sum = rho_a + density[j]
+        inverse = one / ((r2 + eta2) * rho_sum)
+        g = f * r2 * inverse
+        div += f * rate
+        dif += (density[j] - da) * g * rho_sum
+        c = f * (pa + pressure[j])
+        px += c * dx
+        py += c * dy
+        pz += c * dz
+        c = g * (rho0 + density[j])
+        fx += c * du
+        fy += c * dv
+        fz += c * dw
+        if shifting:
+            w4 = t * t
+            w4 = w4 * w4 * (four * (one - t) + one) * ratio
+            w4 = w4 * w4
+            c = f * (one + tensile * w4 * w4)
+            sx += c * dx
+            sy += c * dy
+            sz += c * dz
+    return div, dif, px, py, pz, fx, fy, fz, sx, sy, sz

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Thin walls as the particles see them: quadrature elements and probes on moving triangles.
+
+The triangles of every panel are divided into elements about a third of the particle spacing apart, fine
+enough for the ray integrals of particles at 0.4 spacings from the wall. An element keeps its place in its triangle
+(barycentric), its distance from the free edge of the panel in the reference state and the in-plane direction
+away from that edge. The outline is set back by a fraction of the spacing, because the wall acts on particles
+slightly beyond its edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cwmav_common.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Nodes(Protocol):
+    """Position [m], velocity [m/s] and acceleration [m/s2] of the sheet nodes, shape (n, 3) each."""
+
+    @property
+    def x(self) -> FloatArray: ...
+    @property
+    def v(self) -> FloatArray: ...
+    @property
+    def a(self) -> FloatArray: ...
+
+
+class Motion(Protocol):
+    """Triangulated sheets whose motion is known: what the solver needs of a wing."""
+
+    @property
+    def triangles(self) -> IntArray: ...
+    @property
+    def panel(self) -> IntArray: ...
+    @property
+    def panel_names(self) -> tuple[str, ...]: ...
+
+    def state(self, t: float) -> Nodes: ...
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Wall elements at one instant, m of them.
+
+    Attributes
+    ----------
+    x, v, normal, inward : ndarray, shape (m, 3)
+        Position [m], velocity [m/s], unit normal, in-plane unit vector away from the nearest edge.
+    normal_acceleration : ndarray, shape (m,)
+        Acceleration along the normal [m/s2].
+    area : ndarray, shape (m,)
+        Area [m2], in two dimensions length [m].
+    """
+
+    x: FloatArray
+    v: FloatArray
+    normal: FloatArray
+    inward: FloatArray
+    normal_acceleration: FloatArray
+    area: FloatArray
+
+
+class SheetQuadrature:
+    """Elements of all panels, placed anew for every state of the nodes.
+
+    Parameters
+    ----------
+    motion : Motion
+        The sheets; their state at time zero is the reference for distances within a panel.
+    spacing : float
+        Wanted distance between elements [m].
+    probe_spacing : float
+        Wanted distance between the probes for visibility [m].
+    set_back : float
+        Inward displacement of the free edges [m].
+    dimensions : int
+        In two dimensions a sheet is a strip along y; its area is taken per width of the strip.
+    """
+
+    def __init__(
+        self, motion: Motion, *, spacing: float, probe_spacing: float, set_back: float, dimensions: int
+    ) -> None:
+        self.panels = len(motion.panel_names)
+        self._triangles = np.asarray(motion.triangles, dtype=np.int64)
+        self._dimensions = dimensions
+        reference = np.asarray(motion.state(0.0).x, dtype=np.float64)
+        triangle, barycentric, share = _subdivide(reference, self._triangles, spacing)
+        panel = np.asarray(motion.panel, dtype=np.int64)[triangle]
+        x = np.einsum("ek,ekj->ej", barycentric, reference[self._triangles[triangle]])
+        depth, inward = _edge_distance(x, panel, reference, self._triangles, motion.panel, dimensions)
+        depth = depth - set_back
+        self._width = _strip_width(reference) if dimensions == 2 else 1.0
+        # An element straddling the set-back outline counts with the part that lies inside.
+        extent = np.sqrt(_areas(reference, self._triangles)[triangle] * share)
+        kept = np.clip(depth / extent + 0.5, 0.0, 1.0)
+        use = kept > 0.0
+        if not use.any():
+            raise InputError(f"sheet: an edge set-back of {set_back:g} m leaves nothing of the panels")
+        self.panel = panel[use]
+        self.depth = depth[use]
+        self._triangle = triangle[use]
+        self._barycentric = barycentric[use]
+        self._share = (share * kept)[use] / self._width
+        self._inward = _in_triangle(inward[use], reference, self._triangles[self._triangle])
+        self.probe = _thin_out(x[use], self.panel, probe_spacing)
+
+    @property
+    def count(self) -> int:
+        """Number of elements."""
+        return len(self.panel)
+
+    def place(self, nodes: Nodes) -> Elements:
+        """Return the elements for a state of the nodes."""
+        corners = self._triangles[self._triangle]
+        e1, e2 = _edges(nodes.x, self._triangles)
+        vector_area = 0.5 * np.cross(e1, e2)
+        area = np.linalg.norm(vector_area, axis=1)
+        node_normal = np.zeros_like(nodes.x)
+        for k in range(3):
+            np.add.at(node_normal, self._triangles[:, k], vector_area)
+        x, v, a, normal = (
+            np.einsum("ek,ekj->ej", self._barycentric, values[corners])
+            for values in (nodes.x, nodes.v, nodes.a, node_normal)
+        )
+        inward = self._inward[:, 0, None] * e1[self._triangle] + self._inward[:, 1, None] * e2[self._triangle]
+        if self._dimensions == 2:
+            for values in (x, v, a, normal, inward):
+                values[:, 1] = 0.0
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        inward /= np.linalg.norm(inward, axis=1)[:, None]
+        along = np.einsum("ej,ej->e", a, normal)
+        return Elements(x, v, normal, inward, along, area[self._triangle] * self._share)
+
+
+def _edges(x: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+    a, b, c = (x[triangles[:, k]] for k in range(3))
+    return b - a, c - a
+
+
+def _areas(x: FloatArray, triangles: IntArray) -> FloatArray:
+    e1, e2 = _edges(x, triangles)
+    return np.asarray(0.5 * np.linalg.norm(np.cross(e1, e2), axis=1))
+
+
+def _strip_width(x: FloatArray) -> float:
+    width = float(np.ptp(x[:, 1]))
+    if width <= 0.0:
+        raise InputError(
+            "sheet: a sheet in two dimensions is a strip along y; its width is 0 m; allowed: > 0"
+        )
+    return width
+
+
+def _subdivide(x: FloatArray, triangles: IntArray, spacing: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Divide each triangle into n^2 equal ones; return triangle, centroid and share of area of each."""
+    e1, e2 = _edges(x, triangles)
+    longest = np.max([np.linalg.norm(e, axis=1) for e in (e1, e2, e2 - e1)], axis=0)
+    area = _areas(x, triangles)
+    pieces = np.maximum(np.ceil(np.sqrt(area) / spacing), np.ceil(0.5 * longest / spacing)).astype(int)
+    pieces = np.maximum(pieces, 1)
+    triangle, barycentric, share = [], [], []
+    for t, n in enumerate(pieces):
+        centres = _centroids(int(n))
+        triangle.append(np.full(len(centres), t))
+        barycentric.append(centres)
+        share.append(np.full(len(centres), 1.0 / len(centres)))
+    return np.concatenate(triangle), np.concatenate(barycentric), np.concatenate(share)
+
+
+def _centroids(n: int) -> FloatArray:
+    """Barycentric centroids of the n^2 equal parts of a triangle."""
+    out = []
+    for i in range(n):
+        for j in range(n - i):
+            out.append((i + 1 / 3, j + 1 / 3))
+            if i + j < n - 1:
+                out.append((i + 2 / 3, j + 2 / 3))
+    uv = np.array(out) / n
+    return np.column_stack([1.0 - uv.sum(axis=1), uv])
+
+
+def _boundary(triangles: IntArray) -> IntArray:
+    """Edges that belong to one triangle only, shape (k, 2)."""
+    edges = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
+    )
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(unique[count == 1])
+
+
+def _edge_distance(
+    x: FloatArray,
+    panel: IntArray,
+    nodes: FloatArray,
+    triangles: IntArray,
+    triangle_panel: IntArray,
+    dimensions: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Distance of each element from the free edge of its panel, and the unit vector away from it."""
+    distance = np.full(len(x), np.inf)
+    inward = np.zeros_like(x)
+    for p in np.unique(panel):
+        mine = np.flatnonzero(panel == p)
+        for first, second in _boundary(triangles[np.asarray(triangle_panel) == p]):
+            a, b = nodes[first], nodes[second]
+            along = b - a
+            length2 = float(along @ along)
+            if length2 == 0.0 or (dimensions == 2 and abs(along[1]) < 1e-9 * np.sqrt(length2)):
+                continue  # the cut ends of a two-dimensional strip are no edges
+            share = np.clip((x[mine] - a) @ along / length2, 0.0, 1.0)
+            away = x[mine] - a - share[:, None] * along
+            r = np.linalg.norm(away, axis=1)
+            closer = mine[r < distance[mine]]
+            pick = r < distance[mine]
+            inward[closer] = away[pick] / np.maximum(r[pick], 1e-30)[:, None]
+            distance[closer] = r[pick]
+    return distance, inward
+
+
+def _in_triangle(vectors: FloatArray, x: FloatArray, corners: IntArray) -> FloatArray:
+    """Components of vectors along the two edges of their triangle, shape (e, 2)."""
+    e1, e2 = _edges(x, corners)
+    g11, g12, g22 = (np.einsum("ej,ej->e", p, q) for p, q in ((e1, e1), (e1, e2), (e2, e2)))
+    b1, b2 = (np.einsum("ej,ej->e", vectors, e) for e in (e1, e2))
+    determinant = g11 * g22 - g12 * g12
+    return np.column_stack([(g22 * b1 - g12 * b2) / determinant, (g11 * b2 - g12 * b1) / determinant])
+
+
+def _thin_out(x: FloatArray, panel: IntArray, spacing: float) -> IntArray:
+    """Pick, per panel, the element nearest to the centre of every cube of the given size."""
+    cube = np.floor(x / spacing)
+    off = np.linalg.norm(x / spacing - cube - 0.5, axis=1)
+    by_offset = np.argsort(off, kind="stable")
+    key = np.column_stack([panel, cube])[by_offset]
+    _, first = np.unique(key, axis=0, return_index=True)
+    return np.sort(by_offset[first])

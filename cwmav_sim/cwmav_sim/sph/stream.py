@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fringe zone at the downstream end of the periodic box: it gives the air back the state of the stream.
+
+Velocity relaxes to the stream and density to rho0 at a rate that rises smoothly from zero at both ends of the
+zone (sin^2), integrated exactly over a step (J. Nordstrom, N. Nordin, D. Henningson, SIAM J. Sci. Comput. 20
+(1999) 1365). Particles thus need neither creation nor removal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@nb.njit(cache=True)
+def relax(
+    x: FloatArray,
+    v: FloatArray,
+    rho: FloatArray,
+    begin: float,
+    width: float,
+    rate: float,
+    stream: FloatArray,
+    rho0: float,
+    dt: float,
+) -> FloatArray:
+    """Relax the particles of the zone over ``dt`` [s], in place.
+
+    Parameters
+    ----------
+    x, v : ndarray, shape (n, 3)
+        Positions [m] and velocities [m/s].
+    rho : ndarray, shape (n,)
+        Densities [kg/m3].
+    begin, width, rate : float
+        Where the zone begins in x and how wide it is [m], and its largest rate [1/s].
+    stream : ndarray, shape (3,)
+        Velocity of the stream [m/s].
+    rho0, dt : float
+        Density at rest [kg/m3] and time step [s].
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Sum of the velocity changes [m/s]; times the particle mass, the impulse given to the air.
+    """
+    change = np.zeros(3)
+    for i in range(x.shape[0]):
+        share = (x[i, 0] - begin) / width
+        if share <= 0.0 or share >= 1.0:
+            continue
+        keep = math.exp(-rate * math.sin(math.pi * share) ** 2 * dt)
+        for q in range(3):
+            delta = (1.0 - keep) * (stream[q] - v[i, q])
+            v[i, q] += delta
+            change[q] += delta
+        rho[i] = rho0 + keep * (rho[i] - rho0)
+    return change
