@@ -92,11 +92,6 @@ class ClappingWings:
         """Flapping period [s]."""
         return 1.0 / self.attitude.frequency
 
-    @property
-    def period(self) -> float:
-        """Duration of a flapping cycle [s]."""
-        return 1.0 / self.attitude.frequency
-
     def state(self, t: float) -> SheetState:
         """Return position, velocity and acceleration of the nodes at time ``t`` [s]."""
         opening = self._law.opening(t if self._moving else -1.0)

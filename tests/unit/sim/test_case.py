@@ -52,10 +52,10 @@ def test_yaml_round_trip_keeps_everything(tmp_path):
 
 def test_yaml_starts_from_the_preset_it_names(tmp_path):
     path = tmp_path / "case.yaml"
-    path.write_text("preset: smoke\nflapping_frequency: 10\nrun: {cycles: 3, cycles_max: 3}\n")
+    path.write_text("preset: smoke\nflapping_frequency: 10\nrun: {cycles: 5, cycles_max: 5}\n")
     case = cases.load_case(path)
     assert case.flow.resolution.dp == 0.012
-    assert (case.flapping_frequency, case.run.cycles, case.run.discard) == (10.0, 3, 2)
+    assert (case.flapping_frequency, case.run.cycles, case.run.discard) == (10.0, 5, 1)
 
 
 def test_yaml_with_an_unknown_key_is_refused(tmp_path):
@@ -90,8 +90,8 @@ def test_points_outside_the_design_space_are_refused(point, message):
         ("flow.box.height=0.2", "flow.box: the wings reach z"),
         ("flow.box.width=0.28", "flow.box: the wings reach y"),
         ("kinematics.clap_half_gap_deg=2.5", "clap_half_gap_deg is 2.5 deg.*12 mm.*3.51 deg"),
-        ("run.discard=4", "run.discard is 4.*less than run.cycles"),
-        ("run.cycles_max=3", "run.cycles_max is 3.*at least run.cycles"),
+        ("run.discard=3", "run.discard is 3.*less than run.cycles"),
+        ("run.cycles_max=2", "run.cycles_max is 2.*at least run.cycles"),
         ("flow.resolution.nonsense=1", "nonsense"),
         ("run.cycles", "key=value"),
     ],

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast the solver is on this machine."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numba
+
+from cwmav_sim import case as cases
+from cwmav_sim.case import Case
+from cwmav_sim.solver import Solver
+
+_PASSES = 2  # force evaluations of a predictor-corrector step
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Speed of flapping wings in a half model.
+
+    Attributes
+    ----------
+    particles, steps : int
+        Size and length of the measurement.
+    seconds : float
+        Wall time of the steps.
+    neighbours : float
+        Neighbours of a particle: the volume of its support over that of a particle.
+    threads : int
+        Threads in use.
+    """
+
+    particles: int
+    steps: int
+    seconds: float
+    neighbours: float
+    threads: int
+
+    @property
+    def particle_steps_per_s(self) -> float:
+        """Particles times steps per second."""
+        return self.particles * self.steps / self.seconds
+
+    @property
+    def pair_interactions_per_s(self) -> float:
+        """Neighbours visited per second, two passes a step, each pair counted from both sides."""
+        return _PASSES * self.neighbours * self.particle_steps_per_s
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the public keys."""
+        return {
+            "particle_steps_per_s": self.particle_steps_per_s,
+            "pair_interactions_per_s": self.pair_interactions_per_s,
+            "threads": self.threads,
+            "device": "cpu",
+            "particles": self.particles,
+            "neighbours": self.neighbours,
+            "steps": self.steps,
+            "wall_s": self.seconds,
+        }
+
+    def lines(self) -> list[str]:
+        """Return the figures for a person."""
+        return [
+            f"{self.particles} particles, {self.steps} steps, {self.threads} threads: {self.seconds:.2f} s",
+            f"{self.particle_steps_per_s:.4g} particle-steps/s",
+            f"{self.pair_interactions_per_s:.4g} pair interactions/s ({self.neighbours:.0f} neighbours)",
+        ]
+
+
+def measure(particles: int, seconds: float = 10.0) -> Figures:
+    """Time the solver on a case of about ``particles`` particles for about ``seconds`` [s].
+
+    The first steps, which compile, are not counted.
+    """
+    case = sized_case(particles)
+    solver = Solver(case.flow, case.motion(), case.airspeed)
+    for _ in range(3):
+        solver.step()
+    started, steps = time.perf_counter(), 0
+    while steps < 5 or time.perf_counter() - started < seconds:
+        solver.step()
+        steps += 1
+    wall = time.perf_counter() - started
+    support = 4.0 / 3.0 * math.pi * (2.0 * case.flow.resolution.h_over_dp) ** 3
+    return Figures(solver.particles, steps, wall, support, numba.get_num_threads())
+
+
+def sized_case(particles: int) -> Case:
+    """Return the half model with the spacing that fills its box with about ``particles`` particles."""
+    base = cases.preset("smoke")
+    box = base.flow.box
+    dp = (0.5 * box.length * box.width * box.height / particles) ** (1.0 / 3.0)
+    gap = math.degrees(math.asin(min(0.3, 2.0 * dp / (1.4 * base.wing.length))))
+    kinematics = replace(base.kinematics, clap_half_gap_deg=max(gap, 2.5))
+    resolution = replace(base.flow.resolution, dp=dp)
+    return replace(
+        base, preset="bench", kinematics=kinematics, flow=replace(base.flow, resolution=resolution)
+    )

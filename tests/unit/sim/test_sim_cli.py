@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The program cwmav-sim as a user meets it: exit statuses, JSON, messages. The flow itself is faked."""
+
+import json
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from cwmav_sim import cli
+from cwmav_sim import run as running
+
+
+class SteadyFlow:
+    """Air that pushes each wing up with the same force at every step."""
+
+    def __init__(self, flow, motion, airspeed):
+        self.time, self._steps, self.particles = 0.0, 0, 1000
+
+    def step(self):
+        self._steps += 1
+        self.time = self._steps / 1600
+        pressure = np.zeros((2, 3))
+        pressure[:, 2] = 0.04
+        return types.SimpleNamespace(
+            time=self.time, pressure=pressure, viscous=np.zeros((2, 3)), power=np.zeros(2)
+        )
+
+
+@pytest.fixture(autouse=True)
+def steady_flow(monkeypatch):
+    monkeypatch.setattr(running, "Solver", SteadyFlow)
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cwmav-sim", *arguments])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return end.value.code, out, err
+
+    return run
+
+
+def test_run_prints_one_json_object(call):
+    status, out, err = call("run", "-F", "16", "-A", "15", "-U", "3.5", "--preset", "smoke", "--json")
+    content = json.loads(out)
+    assert status == 0
+    assert content["mean_lift_n"] == pytest.approx(0.16)
+    assert content["preset"] == "smoke"
+    assert (content["F_hz"], content["AoA_deg"], content["U_m_s"]) == (16, 15, 3.5)
+    assert err == ""
+
+
+def test_run_for_people_says_lift_and_source(call):
+    status, out, _ = call("run", "-F", "12")
+    assert status == 0
+    assert "lift    0.1600" in out
+    assert "SPH smoke, 12 mm, half model" in out
+
+
+def test_settings_can_be_changed(call, tmp_path):
+    status, out, _ = call("run", "--set", "run.cycles=5", "--set", "run.cycles_max=5", "--json")
+    assert status == 0
+    assert json.loads(out)["cycles"] == 5
+
+
+def test_case_file_is_used(call, tmp_path):
+    (tmp_path / "mine.yaml").write_text("preset: smoke\nairspeed: 2\nrun: {cycles: 4, cycles_max: 4}\n")
+    status, out, _ = call("run", "--case", str(tmp_path / "mine.yaml"), "-F", "10", "--json")
+    content = json.loads(out)
+    assert status == 0
+    assert (content["F_hz"], content["U_m_s"], content["cycles"]) == (10, 2, 4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "-F", "50"], "flapping_frequency"),
+        (["run", "-A", "90"], "angle_of_attack_deg"),
+        (["run", "-U", "-1"], "airspeed"),
+        (["run", "--preset", "fine"], "smoke, coarse, default, paper"),
+        (["run", "--set", "flow.resolution.dp=-1"], "dp"),
+        (["run", "--set", "nonsense=1"], "nonsense"),
+        (["run", "--device", "cuda"], "CPU only"),
+        (["run", "--case", "absent.yaml"], "absent.yaml"),
+        (["run", "--snapshots", "4"], "--out"),
+        (["sweep", "absent.csv", "--out", "somewhere"], "absent.csv"),
+        (["verify", "nonsense"], "nonsense"),
+        (["run", "--nonsense"], "--nonsense"),
+    ],
+)
+def test_bad_input_ends_with_two_and_no_traceback(call, arguments, message):
+    status, out, err = call(*arguments)
+    assert status == 2
+    assert message in err
+    assert out == ""
+    assert "Traceback" not in err
+
+
+def test_failing_flow_ends_with_one(call, monkeypatch):
+    class Exploding(SteadyFlow):
+        def step(self):
+            info = super().step()
+            info.pressure[:] = np.nan
+            return info
+
+    monkeypatch.setattr(running, "Solver", Exploding)
+    status, out, err = call("run", "--json")
+    assert (status, out) == (1, "")
+    assert "became undefined" in err
+
+
+def test_sweep_lists_results_and_resumes(call, tmp_path):
+    table, out_folder = tmp_path / "cases.csv", tmp_path / "sweep"
+    table.write_text("F_hz,U_m_s,AoA_deg\n12,3.5,15\n16,3.5,15\n")
+    status, out, err = call("sweep", str(table), "--out", str(out_folder), "--json")
+    content = json.loads(out)
+    assert status == 0
+    assert [c["F_hz"] for c in content["cases"]] == [12, 16]
+    assert content["failed"] == []
+    assert "2/2" in err
+    first = (out_folder / "sweep.csv").read_text()
+
+    class Never(SteadyFlow):
+        def step(self):
+            raise AssertionError("a stored case was computed again")
+
+    running.Solver = Never
+    status, _, _ = call("sweep", str(table), "--out", str(out_folder), "--json")
+    assert status == 0
+    assert (out_folder / "sweep.csv").read_text() == first
+
+
+def test_points_are_written_for_a_sweep(call, tmp_path):
+    path = tmp_path / "points.csv"
+    status, out, _ = call("points", str(path), "--count", "5", "-U", "3", "--json")
+    assert status == 0
+    assert len(json.loads(out)["points"]) == 5
+    assert path.read_text().splitlines()[0] == "F_hz,U_m_s,AoA_deg"
+
+
+def test_verify_lists_its_cases(call):
+    status, out, _ = call("verify", "--list", "--json")
+    names = [entry["name"] for entry in json.loads(out)["cases"]]
+    assert status == 0
+    assert "still-air" in names
+    assert len(names) == len(set(names))
