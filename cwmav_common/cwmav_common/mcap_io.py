@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -207,10 +209,29 @@ class Recording:
             return 0, 0
         return min(piece.start_ns for piece in pieces), max(piece.end_ns for piece in pieces)
 
-    def piece_spans(self) -> list[tuple[int, int]]:
-        """First and last log time [ns] of every piece (chunk), in order of time."""
-        pieces = [piece for file in self._files for piece in file.contents.pieces if piece.end_ns]
-        return sorted((piece.start_ns, piece.end_ns) for piece in pieces)
+    def pauses(self, longest_ns: int, budget: int = 64 << 20) -> list[tuple[int, int]]:
+        """Find times without any message longer than `longest_ns`: begin and end [ns].
+
+        Taken from the times that every piece carries; pieces that themselves last so long are looked into, as
+        long as they are not more than `budget` bytes in all.
+        """
+        spans: list[tuple[int, int]] = []
+        for piece, file in self._pieces_by_time(None, None):
+            budget -= piece.size if piece.end_ns - piece.start_ns > longest_ns else 0
+            if piece.end_ns - piece.start_ns <= longest_ns or budget < 0:
+                spans.append((piece.start_ns, piece.end_ns))
+                continue
+            times = np.sort(file.load(piece)[1].log_times)
+            jumps = np.flatnonzero(np.diff(times) > longest_ns)
+            edges = [0, *(jumps + 1).tolist(), len(times)]
+            spans += [(int(times[a]), int(times[b - 1])) for a, b in pairwise(edges) if b > a]
+        found: list[tuple[int, int]] = []
+        last = min((begin for begin, _ in spans), default=0)
+        for begin, end in sorted(spans):
+            if begin - last > longest_ns:
+                found.append((last, begin))
+            last = max(last, end)
+        return found
 
     def batches(self, topics: Iterable[str] | None = None) -> Iterator[Batch]:
         """Go through the recording piece by piece, in file order, the messages grouped by topic."""
@@ -264,7 +285,9 @@ def open_recording(path: str | Path) -> Recording:
     if not path.exists():
         raise InputError(f"{path}: no such recording; expected an .mcap file or a rosbag2 folder")
     names, notes = ([path], []) if path.is_file() else _folder_files(path)
-    files = [McapFile(name) for name in names]
+    with ExitStack() as opened:  # a file that is no MCAP closes those before it
+        files = [opened.enter_context(closing(McapFile(name))) for name in names]
+        opened.pop_all()
     return Recording(path, files, notes)
 
 

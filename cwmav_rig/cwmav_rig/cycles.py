@@ -34,7 +34,7 @@ REFINEMENTS = 4
 LINES = 8  # harmonics that speak for a fundamental
 SIGNIFICANT = 0.02  # share of the strongest line's amplitude that a fundamental must have
 LEAST_CYCLES = 8
-NEGLIGIBLE = 0.2  # share of the waveform's deviation below which a difference does not matter
+NEGLIGIBLE = 0.6  # share of the waveform's deviation below which a difference does not matter
 DEVIATION = 0.25  # a cycle whose length differs more from the median was mistaken
 ODD = 4.0  # a cycle that differs from the mean waveform by so many times the usual was disturbed
 
@@ -126,7 +126,7 @@ def _line(freqs: Array, amplitude: Array, frequency: float) -> float:
 
 
 def _family(freqs: Array, above_floor: Array, frequency: float) -> float:
-    """Weigh the lines on the harmonics less those half-way between them, which a multiple of the true one has.
+    """Weigh the lines on the harmonics less those half-way between, which a multiple of the true one has.
 
     The logarithm makes many lines count for more than a single strong one, which a resonance lifts.
     """
@@ -156,7 +156,7 @@ def without_mains(signal: Array, step: float, frequency: float) -> Array:
             if line * step * len(turn) >= LEAST_TURNS:
                 basis = np.stack([np.cos(turn), np.sin(turn)], axis=1)
                 left[part] -= basis @ (2.0 / len(turn) * (basis.T @ left[part]))
-    return left + signal.mean()
+    return np.asarray(left + signal.mean(), np.float64)
 
 
 def mains_lines(step: float, frequency: float) -> list[float]:

@@ -12,6 +12,7 @@ from cwmav_common.mcap_io import Recording, open_recording
 from cwmav_rig.topic_map import METADATA, guess
 
 NANO = 1e-9
+LONGEST_PAUSE = 1_000_000_000  # ns
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,5 @@ def _topics(recording: Recording, duration: float) -> dict[str, dict[str, Any]]:
 
 
 def _gaps(recording: Recording, start: int) -> Iterator[dict[str, float]]:
-    """Find pauses between the pieces of the files, which carry their first and last time."""
-    last = start
-    for begin, end in recording.piece_spans():
-        if (begin - last) * NANO > 1.0:
-            yield {"begin_s": (last - start) * NANO, "length_s": (begin - last) * NANO}
-        last = max(last, end)
+    for begin, end in recording.pauses(LONGEST_PAUSE):
+        yield {"begin_s": (begin - start) * NANO, "length_s": (end - begin) * NANO}

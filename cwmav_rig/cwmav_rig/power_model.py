@@ -35,6 +35,7 @@ _BUNDLED = {"physical": "power_model.json", "paper_law": "power_model_paper_law.
 # Spans of the paper's design space (Eq. 7): they make distances in F [Hz], AoA [rad] and U [m/s] comparable.
 SCALE = np.array([26.0, np.radians(70.0), 6.0])
 FLAT = 0.03  # points that spread less than this share of a span are taken to lie at one value
+_HYPERPARAMETERS = 5  # variance, three length scales, noise
 _JITTER = 1e-3  # relative; power readings agree no better than this from one recording to another
 
 
@@ -68,6 +69,8 @@ class PowerModel:
     ----------
     points
         At least four operating points.
+    kernel
+        Logarithms of the hyperparameters of a model of the same points; fitted when not given.
 
     Raises
     ------
@@ -75,7 +78,7 @@ class PowerModel:
         Too few points, or a power that is not positive.
     """
 
-    def __init__(self, points: Sequence[OperatingPoint]) -> None:
+    def __init__(self, points: Sequence[OperatingPoint], kernel: Sequence[float] | None = None) -> None:
         if len(points) < LEAST_POINTS:
             raise InputError(
                 f"power model: {len(points)} operating points; at least {LEAST_POINTS} are needed"
@@ -90,7 +93,7 @@ class PowerModel:
         log_power = np.log([p.power for p in points])
         noise = np.array([np.nan_to_num(p.power_std, nan=0.05 * p.power) / p.power for p in points])
         self._offset = float(log_power.mean())
-        self._fit(log_power - self._offset, noise)
+        self._process = self._fitted(log_power - self._offset, noise, kernel)
         self._hull = _Hull(self._x)
 
     @classmethod
@@ -131,15 +134,22 @@ class PowerModel:
             if content["format"] != FORMAT:
                 raise KeyError("format")
             points = [OperatingPoint(**point) for point in content["points"]]
+            kernel = [float(value) for value in content["kernel"]]
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-        except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError) as error:
             raise InputError(f"{path}: is no {FORMAT} file ({type(error).__name__}: {error})") from None
-        return cls(points)
+        if len(kernel) != _HYPERPARAMETERS:
+            raise InputError(f"{path}: kernel has {len(kernel)} values, {_HYPERPARAMETERS} expected")
+        return cls(points, kernel)
 
     def save(self, path: str | Path) -> None:
-        """Write the operating points; the regression is repeated when they are read."""
-        content: dict[str, Any] = {"format": FORMAT, "points": [asdict(point) for point in self.points]}
+        """Write the operating points and the hyperparameters that were fitted to them."""
+        content: dict[str, Any] = {
+            "format": FORMAT,
+            "kernel": self._process.kernel_.theta.tolist(),
+            "points": [asdict(point) for point in self.points],
+        }
         Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
     def predict(self, flapping_frequency: float, angle_of_attack: float, airspeed: float) -> PowerEstimate:
@@ -162,18 +172,21 @@ class PowerModel:
         # Sundararajan & Keerthi (2001): residual of the left-out point in closed form.
         return np.asarray(np.expm1(-(inverse @ process.y_train_) / np.diag(inverse)))
 
-    def _fit(self, y: Array, noise: Array) -> None:
-        dimensions = self._x.shape[1]
-        kernel = ConstantKernel(1.0, (1e-3, 1e3)) * Matern(
-            [0.5] * dimensions, (0.05, 50.0), nu=2.5
-        ) + WhiteKernel(1e-5, (1e-8, 1e-2))
-        process = GaussianProcessRegressor(
-            kernel, alpha=noise**2 + _JITTER**2, n_restarts_optimizer=2, random_state=0
+    def _fitted(
+        self, y: Array, noise: Array, hyperparameters: Sequence[float] | None
+    ) -> GaussianProcessRegressor:
+        kernel = ConstantKernel(1.0, (1e-3, 1e3)) * Matern([0.5] * 3, (0.05, 50.0), nu=2.5) + WhiteKernel(
+            1e-5, (1e-8, 1e-2)
         )
+        process = GaussianProcessRegressor(
+            kernel, alpha=noise**2 + _JITTER**2, n_restarts_optimizer=1, random_state=0
+        )
+        if hyperparameters is not None:
+            process.set_params(kernel=kernel.clone_with_theta(np.array(hyperparameters)), optimizer=None)
         with warnings.catch_warnings():
             # A length scale at its bound means that power does not depend on that control, which is right.
             warnings.simplefilter("ignore", ConvergenceWarning)
-            self._process = process.fit(self._x, y)
+            return process.fit(self._x, y)
 
     def _describe(self, inside: bool) -> str:
         origins = ", ".join(sorted({point.origin for point in self.points}))

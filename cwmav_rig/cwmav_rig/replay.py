@@ -58,6 +58,7 @@ class Player:
         start_offset: float = 0.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        _checked_rate(rate)
         self.recording = bag if isinstance(bag, Recording) else open_recording(bag)
         self._topics = None if topics is None else tuple(topics)
         self._clock = clock
@@ -65,8 +66,12 @@ class Player:
         self.loop = loop
         self.loops = 0
         self.finished = False
-        self._offset = self._checked_position(start_offset)
-        self._rate = _checked_rate(rate)
+        try:
+            self._offset = self._checked_position(start_offset)
+        except InputError:
+            self.recording.close()
+            raise
+        self._rate = float(rate)
         self._running = False
         self._position = self._offset  # recorded seconds at self._since
         self._since = clock()

@@ -3,14 +3,9 @@
 
 import pytest
 
-from cwmav_rig.synthesis_settings import Instruments, Synthesis
+from cwmav_rig.synthesis_settings import Synthesis
 from cwmav_rig.synthesise import synthesise
-
-SMALL = Synthesis(
-    seconds=6.0,
-    seed=3,
-    instruments=Instruments(force_rate=2000.0, power_rate=2000.0, camera_rate=200.0, tare_seconds=0.2),
-)
+from support.rig_recordings import SMALL
 
 
 @pytest.fixture(scope="session")
