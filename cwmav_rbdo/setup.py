@@ -7,7 +7,7 @@ name = "cwmav_rbdo"
 
 
 def files(folder: str) -> list[str]:
-    return sorted(str(path) for path in Path(folder).glob("*") if path.is_file())
+    return sorted(str(path) for path in Path(folder).glob("*.yaml" if "config" in folder else "*.py"))
 
 
 setup(
@@ -22,7 +22,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml"]),
-        (f"share/{name}/config", files("config")),
+        (f"share/{name}/config", files("config") + files(f"{name}/config")),
         (f"share/{name}/launch", files("launch")),
     ],
     install_requires=["setuptools"],

@@ -142,7 +142,7 @@ class WorkerPool:
         self._dispatch()
         return job
 
-    def close(self, patience: float = 2.0) -> None:
+    def close(self, patience: float = 1.0) -> None:
         """Cancel everything, wait `patience` seconds for it to stop, then end the processes."""
         with self._lock:
             self._closed = True
@@ -198,7 +198,7 @@ class _Worker:
         ours, theirs = _CONTEXT.Pipe()
         self._connection: Connection = ours
         self._process = _CONTEXT.Process(target=_serve, args=(theirs,), name=pool.name, daemon=True)
-        self._process.start()
+        _start_deaf(self._process)
         theirs.close()
         self._reader = threading.Thread(target=self._read, name=f"{pool.name} reader", daemon=True)
         self._reader.start()
@@ -276,11 +276,17 @@ class _Worker:
             job.future.set_result(result) if error is None else job.future.set_exception(error)
 
 
+def _start_deaf(process: Any) -> None:
+    """Start a process that never hears Ctrl-C; that reaches the whole group, but the node decides."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        process.start()  # inherits the mask of this thread
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _serve(connection: Connection) -> None:
     """Work until the submitter's process goes away."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches the whole group; the node decides what stops
     os.nice(_NICE)
     channel = Channel(connection)
     work: deque[bytes] = deque()

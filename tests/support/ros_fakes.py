@@ -59,6 +59,9 @@ def surprise(channel: Any) -> None:
 class FakeTable:
     """Lift equal to the flapping frequency in mN, inside up to 20 Hz; refuses more than 30 Hz."""
 
+    def __init__(self, path: str = "") -> None:
+        self.path = path
+
     def lift(self, flapping_frequency: float, angle_of_attack: float, airspeed: float) -> Any:
         """Answer, or refuse as the real table does."""
         from cwmav_sim.table import LiftEstimate

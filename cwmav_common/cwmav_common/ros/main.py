@@ -26,19 +26,19 @@ def run(make: Callable[[], Node], arguments: Sequence[str] | None = None) -> int
     messages. It spins beside the main thread, which sleeps until a signal comes. The context stays valid
     until the node has closed, so its last words (ended goals, final diagnostics) still get out.
     """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy raises several kinds for arguments it cannot parse
         message(f"error: {' '.join(str(error).split())}")
         return 2
     try:
-        node = make()
+        return _spin(make(), stop)
     except CwmavError as error:
         message(f"error: {error}")
-        rclpy.try_shutdown()
         return error.exit_status
-    try:
-        return _spin_until_signal(node)
     finally:
         rclpy.try_shutdown()
 
@@ -48,8 +48,7 @@ def main(make: Callable[[], Node]) -> None:
     raise SystemExit(run(make, sys.argv))
 
 
-def _spin_until_signal(node: Node) -> int:
-    stop = threading.Event()
+def _spin(node: Node, stop: threading.Event) -> int:
     failures: list[BaseException] = []
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -64,8 +63,6 @@ def _spin_until_signal(node: Node) -> int:
         finally:
             stop.set()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     thread = threading.Thread(target=spin, name="executor")
     thread.start()
     stop.wait()

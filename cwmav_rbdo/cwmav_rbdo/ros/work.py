@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from cwmav_rbdo.study import run_study
 from numpy.typing import NDArray
 
 from cwmav_rbdo.noise import Noise
 from cwmav_rbdo.problem import parse_text
 from cwmav_rbdo.result import Result
 from cwmav_rbdo.run_folder import RunFolder
+from cwmav_rbdo.study import run_study
 from cwmav_rbdo.wing_problem import WingProblem
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
@@ -19,7 +18,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from cwmav_common.errors import CancelledError, CwmavError, InputError
+from cwmav_common.errors import CancelledError, InputError
 from cwmav_common.ros.calls import CallQueue
 from cwmav_common.ros.codecs import point_array
 from cwmav_common.ros.deferred import DeferredActionServer, create_deferred_service
@@ -46,25 +45,31 @@ class Table(Protocol):
         ...
 
 
+def load_table(path: str) -> Table:
+    """Load a lift table, the bundled one for an empty path."""
+    return LiftTable.load(path) if path else LiftTable.bundled()
+
+
 class SimNode(Node):
     """Adapter between ROS and the simulation.
 
     Parameters
     ----------
-    table : gives the lift table when it is first needed
+    table : loads the lift table of a path, or the bundled one for an empty path
     live : work of one live run, in another process: ``live(case, store, device, view, channel)``
     options : keyword arguments of the rclpy node
     """
 
     def __init__(
         self,
-        table: Callable[[], Table] = LiftTable.bundled,
+        table: Callable[[str], Table] = load_table,
         live: Callable[..., Any] = run_live,
         **options: Any,
     ) -> None:
         super().__init__("sim", **options)
-        self._table, self._live = table, live
-        self.parameters = Parameters(self, SimSettings, on_change=self._on_change)
+        self._live = live
+        self.parameters = Parameters(self, SimSettings, read_only=("lift_table",), on_change=self._on_change)
+        self._table = self._load(table)
         self._pool = WorkerPool(self.settings.workers, "cwmav_sim worker")
         self._calls = CallQueue(self)
         self._runs = 0
@@ -81,6 +86,20 @@ class SimNode(Node):
         )
         self._diagnostics = Diagnostics(self, "cwmav simulation")
         self._diagnostics.add("work", self._health)
+
+    def _load(self, table: Callable[[str], Table]) -> Callable[[], Table]:
+        """Load the table now, which takes seconds; without one the node still simulates, and says why."""
+        try:
+            loaded = table(self.settings.lift_table)
+        except InputError as error:
+            reason = str(error)
+            self.get_logger().warning(f"no lift table: {reason}")
+
+            def missing() -> Table:
+                raise InputError(f"no lift table: {reason}")
+
+            return missing
+        return lambda: loaded
 
     @property
     def settings(self) -> SimSettings:
@@ -236,8 +255,6 @@ def _outcome(done: Future[Any]) -> tuple[Any, BaseException | None]:
 
 def main() -> None:
     """Run the node until SIGINT."""
-    with suppress(CwmavError):  # a node without a table still runs simulations, and says why it has none
-        LiftTable.bundled()
     run_main(SimNode)
 
 

@@ -23,6 +23,7 @@ class SimSettings:
         "who answers a lift request that names nobody: the bundled table, or a live run of a preset",
         choices=FIDELITIES,
     )
+    lift_table: str = setting("", "table of stored runs (CSV of a sweep); empty: the bundled one")
     preset: str = setting("smoke", "preset of a live run that names none", choices=presets())
     workers: int = setting(1, "simulations at the same time", ge=1, le=64)
     device: str = setting("cpu", "where live runs compute", choices=("cpu", "cuda"))
