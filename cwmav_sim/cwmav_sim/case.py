@@ -237,7 +237,7 @@ def _coarse(dp: float, clap_half_gap_deg: float, run: Run) -> Case:
     # Ten times the stroke speed of the wing tips is about six times the highest speed of any wing node, which
     # a quickly turning trailing edge reaches; the cheap presets stop there and take a longer step.
     fluid = Fluid(sound_speed=30.0, mach_limit=0.16)
-    flow = FlowSettings(fluid=fluid, resolution=Resolution(dp=dp, cfl=0.3))
+    flow = FlowSettings(fluid=fluid, resolution=Resolution(dp=dp, cfl=0.4))
     return Case(kinematics=Kinematics(clap_half_gap_deg=clap_half_gap_deg), flow=flow, run=run)
 
 

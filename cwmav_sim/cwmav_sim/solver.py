@@ -114,7 +114,7 @@ class Solver:
         middle = predict(self._air, rates, dt)
         self._confine(middle)
         nodes = self._nodes(self.time + 0.5 * dt)
-        middle_rates = self._interaction.rates(middle, nodes)
+        middle_rates = self._interaction.rates(middle, nodes, shifting=True)
         with self.timers.phase("update"):
             self._air = correct(self._air, middle, middle_rates, dt)
             ease(self._air.x, middle_rates, self._settings, self._h, self._speed, dt)
@@ -132,16 +132,16 @@ class Solver:
         )
 
     def _rates_on_own_side(self, dt: float) -> tuple[Rates, Crossings]:
-        """Rates at the begin of a step, after putting back whatever slipped through a wall in the last one."""
+        """Rates at the begin of a step, after putting back whatever slipped through a wall."""
         panels = self._interaction.panels
-        rates = self._interaction.rates(self._air, self._nodes(self.time))
+        rates = self._interaction.rates(self._air, self._nodes(self.time), shifting=False)
         if self._sides is None or panels == 0:
             return rates, Crossings(np.zeros(panels, np.int64), np.zeros((panels, 3)))
         dp = self._settings.resolution.dp
         crossed = put_back(self._air, self._sides, rates.sides, panels, dp, dt)
         if crossed.count.any():
             self._confine(self._air)
-            rates = self._interaction.rates(self._air, self._nodes(self.time))
+            rates = self._interaction.rates(self._air, self._nodes(self.time), shifting=False)
         return rates, crossed
 
     def _nodes(self, t: float) -> Nodes | None:
@@ -175,7 +175,7 @@ class Solver:
         speed = _largest(self._air.v)
         if not math.isfinite(speed) or not np.isfinite(self._air.rho).all():
             raise WorkError(
-                f"the air became undefined at t = {self.time:.6g} s (step {self.steps}, dt = {self._dt:.3g} s)"
+                f"the air became undefined at t = {self.time:.6g} s, step {self.steps}, dt = {self._dt:.3g} s"
             )
         if nodes is not None:
             speed = max(speed, _largest(nodes.v))

@@ -108,20 +108,24 @@ class Interaction:
         diffusion = 2.0 * fluid.diffusion * self.kernel.h * eos.sound_speed
         self._scale = np.array([self.kernel.slope, 4.0 * fluid.viscosity, diffusion, fluid.density, 0.0])
 
-    def rates(self, particles: Particles, nodes: Nodes | None) -> Rates:
-        """Return the rates of the particles, which lie inside the box, among the walls in the given state."""
+    def rates(self, particles: Particles, nodes: Nodes | None, *, shifting: bool) -> Rates:
+        """Return the rates of the particles, which lie inside the box, among the walls in the given state.
+
+        The concentration gradient is summed only when ``shifting`` asks for it.
+        """
+        shifting = shifting and self._shifting
         with self._timers.phase("sort"):
             sorting = sort_into_cells(particles.x, self._grid)
             fluid = self._pack(particles, sorting)
             column = sorting.column.astype(self.dtype)
         if self._quadrature is None or nodes is None:
             with self._timers.phase("pairs"):
-                return self._unbounded(particles, sorting, fluid, column)
+                return self._unbounded(particles, sorting, fluid, column, shifting)
         with self._timers.phase("walls"):
             placed = self._quadrature.place(nodes)
             surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
         with self._timers.phase("pairs"):
-            return self._bounded(particles, sorting, fluid, column, surfaces)
+            return self._bounded(particles, sorting, fluid, column, surfaces, shifting)
 
     def pairs(self, particles: Particles) -> int:
         """Count the ordered pairs within the support, images across the faces of the box left out."""
@@ -142,7 +146,9 @@ class Interaction:
         fluid[8] = particles.mass / rho
         return fluid
 
-    def _unbounded(self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray) -> Rates:
+    def _unbounded(
+        self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray, shifting: bool
+    ) -> Rates:
         integers = self._grid.integers
         rates, shift = np.empty((4, particles.count)), np.empty((3, particles.count))
         room = largest_buffer(sorting.start, integers, forces.GROUP)
@@ -154,7 +160,7 @@ class Interaction:
             self._grid.cell.astype(self.dtype),
             self._pair_k,
             self._scale,
-            self._shifting,
+            shifting,
             room,
             rates,
             shift,
@@ -163,7 +169,13 @@ class Interaction:
         return _in_storage_order(sorting, rates, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
 
     def _bounded(
-        self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray, surfaces: Surfaces
+        self,
+        particles: Particles,
+        sorting: Sorting,
+        fluid: NDArray,
+        column: NDArray,
+        surfaces: Surfaces,
+        shifting: bool,
     ) -> Rates:
         integers = self._grid.integers
         elements, sides = surfaces.elements, surfaces.particle_sides
@@ -179,7 +191,7 @@ class Interaction:
             self._grid.cell.astype(self.dtype),
             self._pair_k,
             scale,
-            self._shifting,
+            shifting,
             self._keep_diffusion,
             largest_buffer(sorting.start, integers, forces.GROUP),
             sides.signed,
