@@ -233,19 +233,22 @@ def _paper() -> Case:
     return Case(flow=flow)
 
 
-def _coarse(dp: float, clap_half_gap_deg: float, run: Run) -> Case:
+def _coarse(dp: float, clap_half_gap_deg: float, run: Run, box: Box) -> Case:
     # Ten times the stroke speed of the wing tips is about six times the highest speed of any wing node, which
     # a quickly turning trailing edge reaches; the cheap presets stop there and take a longer step.
     fluid = Fluid(sound_speed=30.0, mach_limit=0.16)
-    flow = FlowSettings(fluid=fluid, resolution=Resolution(dp=dp, cfl=0.4))
+    flow = FlowSettings(fluid=fluid, resolution=Resolution(dp=dp, cfl=0.4), box=box)
     return Case(kinematics=Kinematics(clap_half_gap_deg=clap_half_gap_deg), flow=flow, run=run)
 
+
+# As tight around the swept volume as two spacings of 12 mm at every angle of attack allow.
+_SMALL_BOX = Box(length=0.432, width=0.408, height=0.312, upstream=0.132)
 
 # Gaps between the wings below two spacings are not resolved (the particles there act as a cushion), so the
 # coarse presets clap with a wider gap: two spacings at 70 % span, as 2.5 deg gives at 4 mm.
 _PRESETS: dict[str, Case] = {
-    "smoke": _coarse(0.012, 7.0, Run(cycles=3, discard=1, cycles_max=3)),
-    "coarse": _coarse(0.008, 4.7, Run(cycles=4, discard=2, cycles_max=4)),
+    "smoke": _coarse(0.012, 7.0, Run(cycles=3, discard=1, cycles_max=3), _SMALL_BOX),
+    "coarse": _coarse(0.008, 4.7, Run(cycles=4, discard=2, cycles_max=4), Box()),
     "default": Case(flow=_flow(0.004)),
     "paper": _paper(),
 }

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The identity of the solver: a hash of the source that decides its numbers.
 
-Comments, docstrings and blank lines do not count, so explaining the code better does not invalidate
-stored results; any other change does.
+Comments, docstrings and layout do not count, so explaining the code better does not invalidate stored
+results; any other change does.
 """
 
 from __future__ import annotations
@@ -45,21 +45,16 @@ def _sources(root: Path) -> list[Path]:
 
 
 def significant_source(text: str) -> str:
-    """Return the lines of a module without docstrings, comment lines, blank lines and trailing space."""
-    skipped: set[int] = set()
-    for node in ast.walk(ast.parse(text)):
+    """Return a module as the interpreter sees it: without docstrings, comments and layout."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list) and body and _is_docstring(body[0]):
-            skipped.update(range(body[0].lineno, (body[0].end_lineno or body[0].lineno) + 1))
-    lines = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        bare = line.rstrip()
-        if number not in skipped and bare and not bare.lstrip().startswith("#"):
-            lines.append(bare)
-    return "\n".join(lines)
+            node.body = body[1:] or [ast.Pass()]  # type: ignore[attr-defined]
+    return ast.unparse(tree)
 
 
-def _is_docstring(node: ast.AST) -> bool:
+def _is_docstring(node: ast.stmt) -> bool:
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)
