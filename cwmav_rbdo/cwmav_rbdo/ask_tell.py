@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ask and tell around an algorithm that is written top to bottom as a generator.
 
-The algorithm yields batches of points and receives their answers; whoever drives it asks for the points that are due,
-evaluates them in any order and on any machine, and tells the answers. Between the two sits the journal.
+The algorithm yields batches of points and receives their answers; whoever drives it asks for the points that
+are due, evaluates them in any order and on any machine, and tells the answers. Between the two sits the
+journal.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class AskTell:
         self.done = False
 
     def ask(self) -> list[Request]:
-        """Requests that are due and unanswered; empty when the algorithm has ended.
+        """Give the requests that are due and unanswered; none when the algorithm has ended.
 
         Computing the next batch happens here, so a call may take seconds.
         """
@@ -104,6 +105,5 @@ class AskTell:
         return Request(number, x, self._to_point(x), point.reason)
 
     def _told(self, request: Request) -> Told:
-        answer = self._journal.answer(request.id)
-        assert answer is not None
+        answer = self._journal.answer(request.id) or Answer(None, "never answered")
         return Told(request.x, answer.outcome, answer.note)

@@ -28,8 +28,12 @@ def main_callback() -> None:
 def run(
     problem: Annotated[Path, typer.Argument(help="Problem file, or the name of a bundled one.")],
     seed: Seed = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the newest unfinished run of this problem.")] = False,
-    evaluate: Annotated[str, typer.Option(help="Who evaluates a wing study instead: ros, local or table.")] = "",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the newest unfinished run of this problem.")
+    ] = False,
+    evaluate: Annotated[
+        str, typer.Option(help="Who evaluates a wing study instead: ros, local or table.")
+    ] = "",
     runs: Annotated[Path, typer.Option(help="Folder of the run folders.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:

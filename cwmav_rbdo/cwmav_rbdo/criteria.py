@@ -15,7 +15,9 @@ from cwmav_common.settings import setting
 class CriteriaSettings:
     """Thresholds; the defaults are the paper's."""
 
-    c1: float = setting(0.02, "CC1: largest relative error at the optimum, two iterations running", gt=0, lt=1)
+    c1: float = setting(
+        0.02, "CC1: largest relative error at the optimum, two iterations running", gt=0, lt=1
+    )
     c2: float = setting(0.03, "CC2: largest relative change of the optimal prediction", gt=0, lt=1)
     extra_confirmations: int = setting(0, "further iterations that must hold before stopping", ge=0, le=10)
 
@@ -24,11 +26,19 @@ class Row(Protocol):
     """What the criteria look at in one iteration."""
 
     @property
-    def prediction(self) -> float: ...
+    def prediction(self) -> float:
+        """Predicted at the optimum."""
+        ...
+
     @property
-    def response(self) -> float: ...
+    def response(self) -> float:
+        """Evaluated there; NaN when it could not be."""
+        ...
+
     @property
-    def feasible(self) -> bool: ...
+    def feasible(self) -> bool:
+        """Whether the requirement holds."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -52,7 +62,7 @@ def relative_change(now: float, before: float) -> float:
 
 
 def mean_square_error(rows: Sequence[Row]) -> float:
-    """Mean square of prediction minus response over the rows that have a response, Eq. 10; NaN without any."""
+    """Mean square of prediction minus response over the rows with a response, Eq. 10; NaN without any."""
     squares = [(row.prediction - row.response) ** 2 for row in rows if math.isfinite(row.response)]
     return sum(squares) / len(squares) if squares else math.nan
 

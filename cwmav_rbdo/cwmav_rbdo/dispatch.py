@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sends requests to an evaluator, several at once, and deals with evaluations that fail, hang or return nonsense.
+"""Sends requests to an evaluator, several at once, and deals with those that fail, hang or return nonsense.
 
 An evaluator is anything with ``submit(point) -> Future``: local processes (:mod:`cwmav_rbdo.evaluators`), ROS
-services, a cluster. It does not have to be reliable. An attempt that raises, exceeds the time limit or gives a
-number that is not finite is repeated; after the last attempt the point is answered with None and the reasons, and
-the loop goes on without it.
+services, a cluster. It does not have to be reliable. An attempt that raises, exceeds the time limit or gives
+a number that is not finite is repeated; after the last attempt the point is answered with None and the
+reasons, and the loop goes on without it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ class Evaluator(Protocol):
     """Answers points; `workers` is how many it can work on at the same time."""
 
     @property
-    def workers(self) -> int: ...
+    def workers(self) -> int:
+        """How many points it can work on at the same time."""
+        ...
 
     def submit(self, point: NDArray[np.float64]) -> Future[Any]:
         """Start one evaluation; the future gives an :class:`~cwmav_rbdo.evaluation.Outcome` or raises."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is asked of an expensive model and what it answers: values passed between loop, journal and evaluators."""
+"""What is asked of an expensive model and its answers: values passed between loop, journal and evaluators."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 class Request:
     """One point that has to be evaluated.
 
-    `x` is in the units of the problem file and in the order of its design variables; `point` is what evaluators
-    receive: for the wing always the complete control point (F in Hz, AoA in rad, U in m/s), else `x` itself.
+    `x` is in the units of the problem file and in the order of its design variables; `point` is what
+    evaluators receive: for the wing always the complete control point (F in Hz, AoA in rad, U in m/s), else
+    `x` itself.
     """
 
     id: int
@@ -35,10 +36,14 @@ class Outcome(Protocol):
         """Say what makes the answer unusable; empty when nothing does."""
         ...
 
-    def to_json(self) -> dict[str, Any]: ...
+    def to_json(self) -> dict[str, Any]:
+        """Give plain values."""
+        ...
 
     @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Self: ...
+    def from_json(cls, values: Mapping[str, Any]) -> Self:
+        """Restore what :meth:`to_json` gave."""
+        ...
 
 
 @dataclass(frozen=True)

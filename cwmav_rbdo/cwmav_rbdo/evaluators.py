@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluators that need no ROS: the bundled lift table, live runs in processes of their own, formulas of a file.
+"""Evaluators that need no ROS: the bundled lift table, live runs in their own processes, formulas of a file.
 
 Lift comes from the simulation, power from the surrogate of rig recordings, as over the services.
 """
@@ -108,7 +108,7 @@ class FormulaEvaluator:
         self._names = tuple(names)
 
     def submit(self, point: Array) -> Future[Responses]:
-        """Evaluate at a point of the named variables: all constraints, or the objective of kind ``global``."""
+        """Evaluate at a point of the named variables: all constraints, or the objective."""
         rows = {name: np.array([value]) for name, value in zip(self._names, point.tolist(), strict=True)}
         functions = self._problem.functions
         try:
@@ -154,7 +154,9 @@ def power_model(problem: WingProblem) -> PowerModel:
     return PowerModel.from_recordings(source.recordings, topic_map)
 
 
-def _power(model: PowerModel, f: float, a: float, u: float, lift_source: str) -> tuple[float, float, str, str]:
+def _power(
+    model: PowerModel, f: float, a: float, u: float, lift_source: str
+) -> tuple[float, float, str, str]:
     power = model.predict(f, a, u)
     return power.power, power.power_std, lift_source, power.source
 

@@ -2,8 +2,8 @@
 """Formulas of problem files, evaluated over rows of named values without ever calling ``eval``.
 
 A formula is arithmetic over names, numbers and a fixed list of element-wise functions; the syntax tree is
-checked against that list when the file is read and then run by ``asteval`` in its minimal configuration with a
-symbol table of our own. ``python:package.module:function`` names a function of the user's own instead.
+checked against that list when the file is read and then run by ``asteval`` in its minimal configuration with
+a symbol table of our own. ``python:package.module:function`` names a function of the user's own instead.
 """
 
 from __future__ import annotations
@@ -25,10 +25,30 @@ Rows = Mapping[str, NDArray[np.float64]]
 
 FUNCTIONS: Mapping[str, Callable[..., object]] = {
     name: getattr(np, name)
-    for name in (
-        "abs sqrt exp log log10 sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh minimum maximum where "
-        "hypot sign floor ceil"
-    ).split()
+    for name in [
+        "abs",
+        "sqrt",
+        "exp",
+        "log",
+        "log10",
+        "sin",
+        "cos",
+        "tan",
+        "arcsin",
+        "arccos",
+        "arctan",
+        "arctan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "minimum",
+        "maximum",
+        "where",
+        "hypot",
+        "sign",
+        "floor",
+        "ceil",
+    ]
 }
 CONSTANTS: Mapping[str, float] = {"pi": float(np.pi), "e": float(np.e)}
 
@@ -43,9 +63,19 @@ _CONFIG = {node: node in _HANDLED for node in asteval.asteval.ALL_NODES}
 class Function(Protocol):
     """A quantity computed for many rows at once."""
 
-    text: str
+    @property
+    def text(self) -> str:
+        """As written in the problem file."""
+        ...
 
-    def __call__(self, rows: Rows) -> NDArray[np.float64]: ...
+    @property
+    def names(self) -> tuple[str, ...] | None:
+        """Names it uses; None when that cannot be known."""
+        ...
+
+    def __call__(self, rows: Rows) -> NDArray[np.float64]:
+        """Evaluate over rows of equal length."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -73,7 +103,9 @@ class Expression:
             try:
                 value = interpreter.run(ast.parse(self.text), expr=self.text)
             except Exception as error:
-                raise WorkError(f"'{self.text}' cannot be evaluated: {' '.join(str(error).split())}") from None
+                raise WorkError(
+                    f"'{self.text}' cannot be evaluated: {' '.join(str(error).split())}"
+                ) from None
         return _column(value, rows, self.text)
 
 
@@ -124,7 +156,8 @@ def _names_used(text: str, known: Sequence[str], source: str) -> tuple[str, ...]
     for node in ast.walk(tree):
         if not isinstance(node, _NODES) or isinstance(node, ast.MatMult):
             raise InputError(
-                f"{source}: '{text}' uses {type(node).__name__}; allowed are numbers, names, + - * / // % ** , "
+                f"{source}: '{text}' uses {type(node).__name__}; allowed are numbers, names, + - * / // % **, "
+                f"
                 f"comparisons and calls of {', '.join(FUNCTIONS)}"
             )
         if isinstance(node, ast.Call) and (not isinstance(node.func, ast.Name) or node.keywords):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Any reliability-based problem as a file: design, random variables, formulas, targets.
 
-Three kinds: ``rbdo`` (least objective under probabilistic constraints), ``reliability`` (failure probability, no
-design variables) and ``global`` (least expensive objective within bounds). Constraints are safe where positive.
+Three kinds: ``rbdo`` (least objective under probabilistic constraints), ``reliability`` (failure probability,
+no design variables) and ``global`` (least expensive objective within bounds). Constraints are safe where
+positive.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from cwmav_rbdo.expressions import CONSTANTS, FUNCTIONS, Function, Rows, compile
 from cwmav_rbdo.wing_problem import DesignVariable, SurrogateSettings
 
 Array = NDArray[np.float64]
-DISTRIBUTIONS = ("normal", "lognormal", "uniform", "gumbel", "weibull")
+DISTRIBUTIONS = ("normal", "lognormal", "uniform", "gumbel")
 KINDS = ("rbdo", "reliability", "global")
 
 
@@ -55,16 +56,25 @@ class GeneralProblem:
     objective: str = setting("", "what is minimised; 'maximise:' in front turns it round")
     constraints: tuple[str, ...] = setting((), "probabilistic constraints, safe when > 0")
     deterministic_constraints: tuple[str, ...] = setting((), "constraints on the design alone, met when >= 0")
-    beta_target: float | tuple[float, ...] | None = setting(None, "required reliability index, one or per constraint")
-    pf_target: float | tuple[float, ...] | None = setting(None, "allowed failure probability, one or per constraint")
-    reliability_target: float | tuple[float, ...] | None = setting(None, "required reliability, one or per constraint")
+    beta_target: float | tuple[float, ...] | None = setting(
+        None, "required reliability index, one or per constraint"
+    )
+    pf_target: float | tuple[float, ...] | None = setting(
+        None, "allowed failure probability, one or per constraint"
+    )
+    reliability_target: float | tuple[float, ...] | None = setting(
+        None, "required reliability, one or per constraint"
+    )
     max_true_evaluations: int = setting(200, "budget of evaluated points", ge=4, le=1000000)
     surrogate: SurrogateSettings = field(default_factory=lambda: SurrogateSettings(trend="auto"))
 
     def __post_init__(self) -> None:
         _check_names(self)
         _check_shape(self)
-        _ = (self.beta_targets, self.functions)  # errors in targets and formulas belong to reading the problem
+        _ = (
+            self.beta_targets,
+            self.functions,
+        )  # errors in targets and formulas belong to reading the problem
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -116,7 +126,8 @@ class Functions:
 
     def minimised(self, rows: Rows) -> Array:
         """Objective with the sign of a minimisation, (n,)."""
-        assert self.objective is not None
+        if self.objective is None:
+            raise InputError("this problem has no objective")
         return self.sign * self.objective(_with(rows, self.design_lets))
 
     def limit_states(self, rows: Rows) -> Array:
@@ -128,7 +139,11 @@ class Functions:
         """Values of the deterministic constraints, (n, M)."""
         complete = _with(rows, self.design_lets)
         n = len(next(iter(rows.values())))
-        return np.stack([g(complete) for g in self.deterministic], axis=1) if self.deterministic else np.ones((n, 0))
+        return (
+            np.stack([g(complete) for g in self.deterministic], axis=1)
+            if self.deterministic
+            else np.ones((n, 0))
+        )
 
 
 def _with(rows: Rows, lets: Sequence[tuple[str, Function]]) -> Rows:
@@ -146,7 +161,10 @@ def _compile(problem: GeneralProblem) -> Functions:
         function = compile_function(text, known, f"let[{index}] {name}")
         lets.append((name, function))
         known.append(name)
-        if set(getattr(function, "names", None) or ()) <= set(design_known) and getattr(function, "names", 0) is not None:
+        if (
+            set(getattr(function, "names", None) or ()) <= set(design_known)
+            and getattr(function, "names", 0) is not None
+        ):
             design_lets.append((name, function))
             design_known.append(name)
     text = problem.objective.strip()
@@ -171,21 +189,25 @@ def _check_names(problem: GeneralProblem) -> None:
     names = [*problem.names, *(v.name for v in problem.random), *(name for name, _ in problem.let)]
     for name in names:
         if not name.isidentifier() or name in FUNCTIONS or name in CONSTANTS:
-            raise InputError(f"'{name}' cannot be a name; use letters, digits and _ and no name of a function")
+            raise InputError(
+                f"'{name}' cannot be a name; use letters, digits and _ and no name of a function"
+            )
         if names.count(name) > 1:
             raise InputError(f"'{name}' is declared twice")
     for variable in problem.random:
         if isinstance(variable.mean, str) and variable.mean not in problem.names:
             allowed = ", ".join(problem.names) or "(none)"
             raise InputError(
-                f"random variable {variable.name}: mean '{variable.mean}' is no number and no design variable; "
+                f"random variable {variable.name}: mean '{variable.mean}' is no number and no design "
+                f"variable; 
                 f"design variables: {allowed}"
             )
     random_names = [v.name for v in problem.random]
     for a, b, rho in problem.corr:
         if a not in random_names or b not in random_names or a == b or not -1 < rho < 1:
             raise InputError(
-                f"corr [{a}, {b}, {rho}]: expected two different random variables of {', '.join(random_names)} "
+                f"corr [{a}, {b}, {rho}]: expected two different random variables of "
+                f"{', '.join(random_names)} 
                 "and a correlation between -1 and 1"
             )
 
@@ -214,4 +236,4 @@ def _per_constraint(
     for v in values:
         if not isinstance(v, int | float) or not math.isfinite(v) or not low < v < high:
             raise InputError(f"{key}: {v!r} is not allowed; expected a number between {low:g} and {high:g}")
-    return tuple(float(v) for v in values)
+    return tuple(map(float, values))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the next samples go. One function per method; :func:`new_samples` looks the method up.
 
-``zhang2026`` takes the point of largest Kriging error (Eq. 20) in the whole space and that in the moving window
-(Eq. 11); ``classical`` takes the first alone.
+``zhang2026`` takes the point of largest Kriging error (Eq. 20) in the whole space and that in the moving
+window (Eq. 11); ``classical`` takes the first alone.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Rule = Callable[[State], list[Candidate]]
 
 
 def new_samples(state: State) -> list[Candidate]:
-    """Propose samples with reasons by the rule of ``problem.method``; what is a sample already is left out."""
+    """Propose samples with reasons by the rule of ``problem.method``; samples there already are left out."""
     problem = state.problem
     kept: list[Candidate] = []
     for x, reason in RULES[problem.method](state):
@@ -65,8 +65,8 @@ def default(state: State) -> list[Candidate]:
     """Largest expected improvement of L/P in the space, and largest error in the window.
 
     The point of largest error nearly always lies in a corner of the space, where the ratio is far from its
-    best and a sample says nothing about the optimum. Expected improvement looks far away too, but only where the optimum
-    could be (Jones, Schonlau and Welch 1998, J. Global Optim. 13:455).
+    best and a sample says nothing about the optimum. Expected improvement looks far away too, but only where
+    the optimum could be (Jones, Schonlau and Welch 1998, J. Global Optim. 13:455).
     """
     best = state.optimum.prediction
 
@@ -83,7 +83,7 @@ RULES: Mapping[str, Rule] = {"zhang2026": zhang2026, "classical": classical, "de
 
 
 def expected_improvement(mean: Array, std: Array, best: float) -> Array:
-    """Expected amount by which a normal prediction exceeds `best`; (n,)."""
+    """Give the expected amount by which a normal prediction exceeds `best`; (n,)."""
     gain = mean - best
     safe = np.where(std > 0.0, std, 1.0)
     z = gain / safe
@@ -103,7 +103,11 @@ def _of_window(state: State) -> Candidate:
 
 
 def largest_mse(
-    surface: LiftToPower | DirectRatio, problem: WingProblem, lower: Array, upper: Array, rng: np.random.Generator
+    surface: LiftToPower | DirectRatio,
+    problem: WingProblem,
+    lower: Array,
+    upper: Array,
+    rng: np.random.Generator,
 ) -> tuple[Array, float]:
     """Point (d,) of the largest Kriging mean square error (Eq. 20) in a box, and that error."""
     found = PyswarmsSwarm(problem.swarm).minimise(lambda X: -surface.mse(X), lower, upper, rng)

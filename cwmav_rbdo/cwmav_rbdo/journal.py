@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal of a run: every request and every answer, one JSON object per line, appended and flushed to disk.
+"""The journal of a run: every request and every answer, a line of JSON each, appended and flushed to disk.
 
-The loop is deterministic, so a resumed run is the same computation once more with the journal answering what was
-answered before. A run may be killed at any moment: a last line without its end is what the kill interrupted,
-and is dropped. Requested points are taken from the journal too, so that a resume on a machine whose arithmetic
-differs in the last bit still asks for nothing twice.
+The loop is deterministic, so a resumed run is the same computation once more with the journal answering what
+was answered before. A run may be killed at any moment: a last line without its end is what the kill
+interrupted, and is dropped. Requested points are taken from the journal too, so that a resume on a machine
+whose arithmetic differs in the last bit still asks for nothing twice.
 """
 
 from __future__ import annotations
@@ -78,7 +78,8 @@ class Journal:
             recorded = np.array(self._points[number])
             if recorded.shape != x.shape or not np.allclose(recorded, x, rtol=_SAME, atol=_SAME):
                 raise InputError(
-                    f"{self.path}: request {number} is {recorded.tolist()} in the journal and {x.tolist()} now; "
+                    f"{self.path}: request {number} is {recorded.tolist()} in the journal "
+                    f"and {x.tolist()} now; "
                     "the journal was written by another version or with other settings"
                 )
             return recorded
@@ -125,7 +126,8 @@ class Journal:
         for key, value in header.items():
             if entries[0].get(key) != value:
                 raise InputError(
-                    f"{self.path}: the journal was written with {key} {entries[0].get(key)!r}, this run has {value!r}"
+                    f"{self.path}: the journal was written with {key} "
+                    f"{entries[0].get(key)!r}, this run has {value!r}"
                 )
         for entry in entries[1:]:
             if entry["kind"] == "request":

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The accelerated loop of the paper: best lift-to-power ratio under a reliability constraint, by ask and tell.
+"""The accelerated loop of the paper: the best reliable lift-to-power ratio, by ask and tell.
 
-:meth:`AcceleratedLoop._algorithm` is the method, top to bottom. Latin hypercube; surrogates of lift, power and
-their ratio; swarm optimum under the reliability constraint (Eqs. 6 and 14); evaluation at the optimum; criteria
-(Eqs. 12 and 13); new samples where the Kriging error is largest, in the whole space and in the moving window (Eq. 11).
+:meth:`AcceleratedLoop._algorithm` is the method, top to bottom. Latin hypercube; surrogates of lift, power
+and their ratio; swarm optimum under the reliability constraint (Eqs. 6 and 14); evaluation at the optimum;
+criteria (Eqs. 12 and 13); new samples where the Kriging error is largest, in the whole space and in the
+moving window (Eq. 11).
 """
 
 from __future__ import annotations
@@ -154,7 +155,9 @@ class AcceleratedLoop:
         elif len(self.iterations) > problem.max_iterations:
             self.message = f"stopped after max_iterations {problem.max_iterations} without convergence"
         elif len(self.samples) + proposed + 1 > problem.max_true_evaluations:
-            self.message = f"stopped at max_true_evaluations {problem.max_true_evaluations} without convergence"
+            self.message = (
+                f"stopped at max_true_evaluations {problem.max_true_evaluations} without convergence"
+            )
         return bool(self.message)
 
     def _require_progress(self, told: list[Told]) -> None:
@@ -162,7 +165,7 @@ class AcceleratedLoop:
             raise WorkError(f"none of the new points could be evaluated: {'; '.join(t.note for t in told)}")
 
     def result(self, seed: int = 0) -> Result:
-        """The design found, or the best so far when the loop has not ended.
+        """Give the design found, or the best so far when the loop has not ended.
 
         Raises
         ------
@@ -176,7 +179,8 @@ class AcceleratedLoop:
         if not row.feasible:
             message = (
                 f"no design reaches L/P >= {problem.require.lift_to_power:g} N/W with reliability "
-                f"{problem.require.reliability:g}; this one comes closest, with {row.reliability.value:.4f}. " + message
+                f"{problem.require.reliability:g}; this one comes closest, with {row.reliability.value:.4f}. "
+                + message
             )
         name = f"L/P >= {problem.require.lift_to_power:g} N/W"
         return Result(
@@ -212,9 +216,7 @@ class AcceleratedLoop:
         )
         yield "the optimum is evaluated for CC1 in every iteration and then belongs to the samples"
         yield "CC2 compares predictions, as the text and the tables do"
-        yield "columns mse and max_mse are the Kriging mean square error (Eq. 20); checked_mse is that of Eq. 10"
+        yield "columns mse and max_mse are the Kriging mean square error (Eq. 20); checked_mse of Eq. 10"
         yield "reliability is that of the mean surface; low and high show what its own error leaves open"
         for name in problem.fixed:
             yield f"{name} is fixed, so its scatter does not enter"
-
-

@@ -35,7 +35,7 @@ class Noise:
     source: str
 
     def std(self, name: str) -> float:
-        """Standard deviation of one control variable."""
+        """Give the standard deviation of one control variable."""
         return self.scatter[name].std
 
     def to_json(self) -> dict[str, Any]:
@@ -74,7 +74,9 @@ def from_report(report: Mapping[str, Any], source: str) -> Noise:
     for name, key in _REPORT_KEYS.items():
         entry = report.get(key)
         if not isinstance(entry, Mapping) or entry.get("std") is None or not math.isfinite(entry["std"]):
-            raise WorkError(f"{source}: no scatter of {key} could be measured; give the noise in the problem file")
+            raise WorkError(
+                f"{source}: no scatter of {key} could be measured; give the noise in the problem file"
+            )
         scatter[name] = Scatter(
             std=float(entry["std"]),
             low=_number(entry.get("std_low")),
@@ -110,7 +112,7 @@ def obtain(problem: WingProblem) -> Noise:
 
 
 def _bundled_recording() -> Path:
-    """The recording of the demo, below the working folder or in the source tree."""
+    """Find the recording of the demo, below the working folder or in the source tree."""
     for root in (Path.cwd(), Path(__file__).resolve().parents[2]):
         if (root / "bags" / "demo").is_dir():
             return root / "bags" / "demo"

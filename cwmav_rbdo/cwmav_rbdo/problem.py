@@ -20,12 +20,12 @@ from cwmav_rbdo.wing_problem import WingProblem
 
 Problem = WingProblem | GeneralProblem
 
-# What published collections of problems carry beside the problem itself; kept for comparison, not used to solve.
+# What collections of problems carry beside the problem itself: for comparison, not used to solve.
 REFERENCE_KEYS = ("published", "recomputed", "f_opt", "x_opt", "low_fidelity", "source", "note")
 
 
 def load_problem(path: str | Path) -> Problem:
-    """Read a problem file; a bare name such as ``two_variables.yaml`` is also looked up among the bundled ones.
+    """Read a problem file; a bare name such as ``two_variables.yaml`` may be a bundled one.
 
     Raises
     ------
@@ -115,4 +115,6 @@ def _general_content(content: dict[str, Any], source: str) -> dict[str, Any]:
         pairs = [(float(lo), float(hi)) for lo, hi in bounds]
     except (TypeError, ValueError):
         raise InputError(f"{source}: bounds is {bounds!r}; expected [[lo, hi], ...]") from None
-    return content | {"design": [{"name": f"x{k + 1}", "lo": lo, "hi": hi} for k, (lo, hi) in enumerate(pairs)]}
+    return content | {
+        "design": [{"name": f"x{k + 1}", "lo": lo, "hi": hi} for k, (lo, hi) in enumerate(pairs)]
+    }

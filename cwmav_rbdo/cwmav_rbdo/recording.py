@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``run.mcap`` of a study without ROS: the iteration messages that the optimiser node would have published."""
+"""``run.mcap`` of a study without ROS: the iteration messages that the node would have published."""
 
 from __future__ import annotations
 
@@ -27,7 +27,12 @@ def write_recording(path: Path, loop: AcceleratedLoop, run: str) -> None:
         bag.add_topic(TOPIC, TYPE, latched=True)
         stamp = time.time_ns()
         for row in loop.iterations:
-            bag.write(TOPIC, TYPE, iteration_message(loop.problem, row, run, stamp + row.iteration), stamp + row.iteration)
+            bag.write(
+                TOPIC,
+                TYPE,
+                iteration_message(loop.problem, row, run, stamp + row.iteration),
+                stamp + row.iteration,
+            )
 
 
 def iteration_message(problem: WingProblem, row: IterationRow, run: str, stamp_ns: int) -> Any:

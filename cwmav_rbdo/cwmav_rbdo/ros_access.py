@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens the evaluator over ROS services for the command line; the only place here that needs ROS, and late."""
+"""Opens the evaluator over ROS services for the command line; ROS is imported only when it is asked for."""
 
 from __future__ import annotations
 

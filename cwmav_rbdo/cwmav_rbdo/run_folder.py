@@ -18,7 +18,13 @@ from cwmav_common.cli import plain, to_json
 from cwmav_common.errors import InputError
 from cwmav_common.settings import read_yaml
 
-_COLUMNS = {"F": "F_hz", "AoA": "AoA_deg", "U": "U_m_s", "lift_to_power": "lift_to_power_n_w", "evaluations": "solves"}
+_COLUMNS = {
+    "F": "F_hz",
+    "AoA": "AoA_deg",
+    "U": "U_m_s",
+    "lift_to_power": "lift_to_power_n_w",
+    "evaluations": "solves",
+}
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in plain(row).items():
         if isinstance(value, dict):
-            flat |= {_COLUMNS.get(name, name): item for name, item in value.items()}
+            flat |= {_COLUMNS.get(str(name), str(name)): item for name, item in value.items()}
         elif isinstance(value, list):
             flat |= {f"{key}_{index + 1}": item for index, item in enumerate(value)}
         else:

@@ -44,13 +44,13 @@ class Samples:
         return self.response_at(x) is not None
 
     def response_at(self, x: Array) -> Evaluation | None:
-        """The evaluation at `x`, if it is a sample."""
+        """Give the evaluation at `x`, if it is a sample."""
         distances = np.max(np.abs(self.X - x) / self._range, axis=1) if self._points else np.array([np.inf])
         nearest = int(np.argmin(distances))
         return self._evaluations[nearest] if distances[nearest] <= _SAME else None
 
     @property
-    def X(self) -> Array:
+    def X(self) -> Array:  # noqa: N802 - the name of the field
         """Points (n, d) in the units of the problem."""
         return np.array(self._points).reshape(-1, len(self._range))
 

@@ -58,7 +58,8 @@ def run_study(
     InputError
         Problem and evaluator or run folder do not fit.
     WorkError
-        The evaluations failed; :class:`~cwmav_common.errors.CancelledError` when cancelled. The journal stays.
+        The evaluations failed; :class:`~cwmav_common.errors.CancelledError` when cancelled. The journal
+        stays.
     """
     if isinstance(problem, GeneralProblem):
         from cwmav_rbdo.general.study import run_general_study

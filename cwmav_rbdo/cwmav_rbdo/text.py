@@ -13,7 +13,8 @@ from cwmav_rbdo.wing_problem import WingProblem
 def iteration_header(problem: WingProblem) -> str:
     """Heading of the iteration table."""
     names = "".join(f"{f'{n} [{u}]':>11}" for n, u in zip(problem.names, problem.units, strict=True))
-    return f" it{names}{'L/P [N/W]':>12}{'MSE':>11}{'max MSE':>11}{'error [%]':>11}{'reliability':>13}{'solves':>8}"
+    right = f"{'L/P [N/W]':>12}{'MSE':>11}{'max MSE':>11}{'error [%]':>11}{'reliability':>13}{'solves':>8}"
+    return f" it{names}{right}"
 
 
 def iteration_line(row: IterationRow) -> str:
@@ -27,7 +28,7 @@ def iteration_line(row: IterationRow) -> str:
 
 
 def summary_lines(result: Result) -> list[str]:
-    """Result in a few lines."""
+    """Give the result in a few lines."""
     return list(_summary(result))
 
 

@@ -20,7 +20,11 @@ from cwmav_rbdo.window import WindowSettings
 Array = NDArray[np.float64]
 
 # Order, unit and factor to SI of the control variables, everywhere (d[3] = [F, AoA, U] of the paper).
-CONTROLS: Mapping[str, tuple[str, float]] = {"F": ("Hz", 1.0), "AoA": ("deg", math.pi / 180.0), "U": ("m/s", 1.0)}
+CONTROLS: Mapping[str, tuple[str, float]] = {
+    "F": ("Hz", 1.0),
+    "AoA": ("deg", math.pi / 180.0),
+    "U": ("m/s", 1.0),
+}
 METHODS = ("default", "zhang2026", "classical")
 EVALUATORS = ("ros", "local", "table")
 
@@ -87,11 +91,11 @@ class WingProblem:
 
     id: str = setting(..., "name of the problem; names the run folder")
     design: tuple[DesignVariable, ...] = setting(..., "design variables, in the order F, AoA, U")
-    require: Requirement = setting(..., "requirement on the ratio")
+    require: Requirement = setting(..., "requirement on the ratio")  # noqa: RUF009
     kind: str = setting("lift_to_power", "kind of problem", choices=("lift_to_power",))
     title: str = setting("", "one line about it")
-    fixed: dict[str, float] = setting({}, "control variables held constant")
-    noise: dict[str, float] | None = setting(None, "standard deviations; None: measured on the rig")
+    fixed: dict[str, float] = setting({}, "control variables held constant")  # noqa: RUF009
+    noise: dict[str, float] | None = setting(None, "standard deviations; None: measured on the rig")  # noqa: RUF009
     initial_samples: int = setting(6, "size of the first Latin hypercube", ge=3, le=10000)
     max_iterations: int = setting(20, "iterations after the initial one at most", ge=1, le=1000)
     max_true_evaluations: int = setting(100, "evaluated points at most", ge=4, le=100000)
@@ -105,24 +109,8 @@ class WingProblem:
     source: Source = field(default_factory=Source)
 
     def __post_init__(self) -> None:
-        names = [v.name for v in self.design]
-        if not names:
-            raise InputError("design: no variable; at least one of F, AoA, U is needed")
-        for name in (*names, *self.fixed, *(self.noise or {})):
-            if name not in CONTROLS:
-                raise InputError(f"'{name}' is no control variable; allowed: {', '.join(CONTROLS)}")
-        if names != [name for name in CONTROLS if name in names]:
-            raise InputError(f"design: {', '.join(names)}; expected each once, in the order F, AoA, U")
-        for name in CONTROLS:
-            if (name in names) == (name in self.fixed):
-                where = "both in design and in fixed" if name in names else "neither in design nor in fixed"
-                raise InputError(f"{name} is {where}; it must be in exactly one of them")
-        for name, std in (self.noise or {}).items():
-            if not (math.isfinite(std) and std >= 0):
-                raise InputError(f"noise: {name} is {std!r}; allowed: a standard deviation >= 0")
-        if self.noise is not None and set(self.noise) != set(CONTROLS):
-            missing = ", ".join(name for name in CONTROLS if name not in self.noise)
-            raise InputError(f"noise: {missing} is missing; give F [Hz], AoA [deg] and U [m/s], or 'measured'")
+        _check_controls(self)
+        _check_noise(self)
         if self.max_true_evaluations <= self.initial_samples:
             raise InputError(
                 f"max_true_evaluations {self.max_true_evaluations} leaves nothing after initial_samples "
@@ -157,3 +145,34 @@ class WingProblem:
     def named(self, x: Array) -> dict[str, float]:
         """Design as name to value, in the problem's units."""
         return dict(zip(self.names, x.tolist(), strict=True))
+
+
+def _check_controls(problem: WingProblem) -> None:
+    """Every control variable must be chosen or fixed, once, in the agreed order."""
+    names = problem.names
+    if not names:
+        raise InputError("design: no variable; at least one of F, AoA, U is needed")
+    for name in (*names, *problem.fixed):
+        if name not in CONTROLS:
+            raise InputError(f"'{name}' is no control variable; allowed: {', '.join(CONTROLS)}")
+    if list(names) != [name for name in CONTROLS if name in names]:
+        raise InputError(f"design: {', '.join(names)}; expected each once, in the order F, AoA, U")
+    for name in CONTROLS:
+        if (name in names) == (name in problem.fixed):
+            where = "both in design and in fixed" if name in names else "neither in design nor in fixed"
+            raise InputError(f"{name} is {where}; it must be in exactly one of them")
+
+
+def _check_noise(problem: WingProblem) -> None:
+    if problem.noise is None:
+        return
+    for name, std in problem.noise.items():
+        if name not in CONTROLS:
+            raise InputError(f"noise: '{name}' is no control variable; allowed: {', '.join(CONTROLS)}")
+        if not (math.isfinite(std) and std >= 0):
+            raise InputError(f"noise: {name} is {std!r}; allowed: a standard deviation >= 0")
+    missing = [name for name in CONTROLS if name not in problem.noise]
+    if missing:
+        raise InputError(
+            f"noise: {', '.join(missing)} is missing; give F [Hz], AoA [deg] and U [m/s], or 'measured'"
+        )

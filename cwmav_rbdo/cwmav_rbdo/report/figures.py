@@ -15,6 +15,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
 from cwmav_rbdo.loop import AcceleratedLoop
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ def surfaces(loop: AcceleratedLoop) -> Iterator[tuple[str, str]]:
         return
     names = loop.problem.names
     if len(names) == 1:
-        yield "Predicted L/P with its 95 % band, and the samples", svg(_line(loop))
+        yield "Predicted L/P with its 95 % band, and the samples", svg(_line(loop, loop.surface))
         return
     for i, j in combinations(range(len(names)), 2):
         others = [k for k in range(len(names)) if k not in (i, j)]
@@ -45,7 +46,7 @@ def surfaces(loop: AcceleratedLoop) -> Iterator[tuple[str, str]]:
             f"; {names[k]} at {loop.iterations[-1].x[k]:.4g} {loop.problem.units[k]}" for k in others
         )
         caption = f"Response (left) and Kriging mean square error (right) over {names[i]} and {names[j]}{at}"
-        yield caption, svg(_pair(loop, i, j))
+        yield caption, svg(_pair(loop, loop.surface, i, j))
 
 
 def convergence(loop: AcceleratedLoop) -> str:
@@ -55,9 +56,16 @@ def convergence(loop: AcceleratedLoop) -> str:
     figure = Figure(figsize=(11.0, 3.2), layout="constrained")
     ratio, error, mse = figure.subplots(1, 3)
     ratio.errorbar(
-        n, [r.prediction for r in rows], [r.prediction_std for r in rows], fmt="o-", capsize=3, label="predicted"
+        n,
+        [r.prediction for r in rows],
+        [r.prediction_std for r in rows],
+        fmt="o-",
+        capsize=3,
+        label="predicted",
     )
-    ratio.errorbar(n, [r.response for r in rows], [r.response_std for r in rows], fmt="s", capsize=3, label="evaluated")
+    ratio.errorbar(
+        n, [r.response for r in rows], [r.response_std for r in rows], fmt="s", capsize=3, label="evaluated"
+    )
     ratio.axhline(loop.problem.require.lift_to_power, color="0.5", ls=":", label="required")
     ratio.set_ylabel("L/P at the optimum [N/W]")
     ratio.legend()
@@ -93,9 +101,8 @@ def reliability(loop: AcceleratedLoop) -> str:
     return svg(figure)
 
 
-def _pair(loop: AcceleratedLoop, i: int, j: int) -> Figure:
-    problem, surface = loop.problem, loop.surface
-    assert surface is not None
+def _pair(loop: AcceleratedLoop, surface: LiftToPower | DirectRatio, i: int, j: int) -> Figure:
+    problem = loop.problem
     u = np.linspace(problem.lower[i], problem.upper[i], _GRID)
     v = np.linspace(problem.lower[j], problem.upper[j], _GRID)
     X = np.tile(loop.iterations[-1].x, (_GRID * _GRID, 1))
@@ -103,7 +110,7 @@ def _pair(loop: AcceleratedLoop, i: int, j: int) -> Figure:
     mean, std = (values.reshape(_GRID, _GRID) for values in surface.predict(X))
     figure = Figure(figsize=(11.0, 4.2), layout="constrained")
     axes = figure.subplots(1, 2)
-    # A surrogate far from its samples can be wild; the levels are those of the samples, so the rest stays readable.
+    # A surrogate far from its samples can be wild: levels of the samples keep the rest readable.
     ratios = np.array([e.lift_to_power for e in loop.samples.evaluations])
     levels = np.linspace(ratios.min(), max(ratios.max(), loop.iterations[-1].prediction), 15)
     filled = axes[0].contourf(u, v, mean, levels=levels, extend="both", cmap="viridis")
@@ -132,9 +139,8 @@ def _mark(axes: Axes, loop: AcceleratedLoop, i: int, j: int) -> None:
     axes.legend(fontsize="x-small", facecolor="0.3", labelcolor="w", loc="upper right")
 
 
-def _line(loop: AcceleratedLoop) -> Figure:
-    problem, surface = loop.problem, loop.surface
-    assert surface is not None
+def _line(loop: AcceleratedLoop, surface: LiftToPower | DirectRatio) -> Figure:
+    problem = loop.problem
     x = np.linspace(problem.lower[0], problem.upper[0], 4 * _GRID)
     mean, std = surface.predict(x[:, None])
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")

@@ -32,7 +32,9 @@ def content(loop: AcceleratedLoop, result: Result) -> dict[str, Any]:
         "id": result.id,
         "title": problem.title,
         "result": result,
-        "design": ", ".join(f"{name} = {value:.4f} {result.units[name]}" for name, value in result.design.items()),
+        "design": ", ".join(
+            f"{name} = {value:.4f} {result.units[name]}" for name, value in result.design.items()
+        ),
         "objective": f"{result.objective:.4f} ± {result.objective_std:.4f} N/W",
         "reliability": _band(loop.iterations[-1]),
         "columns": [f"{name} [{unit}]" for name, unit in zip(problem.names, problem.units, strict=True)],
@@ -42,14 +44,16 @@ def content(loop: AcceleratedLoop, result: Result) -> dict[str, Any]:
         "reliability_figure": figures.reliability(loop),
         "noise": list(_noise(loop)),
         "noise_source": loop.noise.source,
-        "sources": sorted({s for e in loop.samples.evaluations for s in (e.lift_source, e.power_source) if s}),
+        "sources": sorted(
+            {s for e in loop.samples.evaluations for s in (e.lift_source, e.power_source) if s}
+        ),
         "synthetic": any("synthetic" in e.power_source for e in loop.samples.evaluations),
         "settings": list(flat(problem_mapping(problem))),
     }
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings as dotted keys and values."""
+    """Give settings as dotted keys and values."""
     for key, value in values.items():
         if isinstance(value, Mapping) and value:
             yield from flat(value, f"{prefix}{key}.")
@@ -87,5 +91,9 @@ def _noise(loop: AcceleratedLoop) -> Iterator[list[str]]:
         s = loop.noise.scatter[name]
         interval = f"{s.low:.4g} to {s.high:.4g}" if math.isfinite(s.low) else "-"
         mean = f"{s.mean:.4g}" if math.isfinite(s.mean) else "-"
-        use = "design variable" if name in loop.problem.names else f"fixed at {loop.problem.fixed[name]:g}, not used"
+        use = (
+            "design variable"
+            if name in loop.problem.names
+            else f"fixed at {loop.problem.fixed[name]:g}, not used"
+        )
         yield [f"{name} [{unit}]", mean, f"{s.std:.4g}", interval, s.distribution, use]
