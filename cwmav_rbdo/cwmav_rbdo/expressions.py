@@ -156,9 +156,8 @@ def _names_used(text: str, known: Sequence[str], source: str) -> tuple[str, ...]
     for node in ast.walk(tree):
         if not isinstance(node, _NODES) or isinstance(node, ast.MatMult):
             raise InputError(
-                f"{source}: '{text}' uses {type(node).__name__}; allowed are numbers, names, + - * / // % **, "
-                f"
-                f"comparisons and calls of {', '.join(FUNCTIONS)}"
+                f"{source}: '{text}' uses {type(node).__name__}; allowed are numbers, names, "
+                f"+ - * / // % **, comparisons and calls of {', '.join(FUNCTIONS)}"
             )
         if isinstance(node, ast.Call) and (not isinstance(node.func, ast.Name) or node.keywords):
             raise InputError(f"{source}: '{text}' calls something other than one of {', '.join(FUNCTIONS)}")

@@ -199,16 +199,14 @@ def _check_names(problem: GeneralProblem) -> None:
             allowed = ", ".join(problem.names) or "(none)"
             raise InputError(
                 f"random variable {variable.name}: mean '{variable.mean}' is no number and no design "
-                f"variable; 
-                f"design variables: {allowed}"
+                f"variable; design variables: {allowed}"
             )
     random_names = [v.name for v in problem.random]
     for a, b, rho in problem.corr:
         if a not in random_names or b not in random_names or a == b or not -1 < rho < 1:
             raise InputError(
                 f"corr [{a}, {b}, {rho}]: expected two different random variables of "
-                f"{', '.join(random_names)} 
-                "and a correlation between -1 and 1"
+                f"{', '.join(random_names)} and a correlation between -1 and 1"
             )
 
 
