@@ -131,6 +131,28 @@ def points(
 
 
 @cli.command()
+def table(
+    out: Annotated[Path, typer.Argument(help="CSV file to write.")],
+    folders: Annotated[list[Path], typer.Argument(help="Folders of sweeps with the same settings.")],
+    json: Json = False,
+) -> None:
+    """Gather finished sweeps into one lift table and tell how well it interpolates."""
+    from cwmav_sim.store import ResultStore
+    from cwmav_sim.sweep import write_table
+    from cwmav_sim.table import LiftTable
+
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError(f"{folder}: is no folder of a sweep")
+    stored = [result for folder in folders for result in ResultStore(folder / "store").everything()]
+    results = list({result.address: result for result in stored}.values())
+    write_table(results, out)
+    lifts = LiftTable.load(out)
+    content = {"rows": len(results), "leave_one_out_n": lifts.loo_rms, "source": lifts.source, "file": out}
+    emit(content, json, [f"{len(results)} rows in {out}", lifts.source])
+
+
+@cli.command()
 def verify(
     name: Annotated[str | None, typer.Argument(help="Name of one case.")] = None,
     everything: Annotated[bool, typer.Option("--all", help="Run the long cases too.")] = False,

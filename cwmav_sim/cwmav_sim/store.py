@@ -11,11 +11,13 @@ import json
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from cwmav_common.cli import to_json
 from cwmav_common.errors import InputError, WorkError
 from cwmav_common.settings import to_mapping
-from cwmav_sim.case import Case
+from cwmav_sim.case import Case, from_dict
+from cwmav_sim.fingerprint import solver_fingerprint
 from cwmav_sim.result import LiftResult
 
 
@@ -42,11 +44,7 @@ class ResultStore:
         path = self._file(case.address())
         if not path.exists():
             return None
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: is no stored result ({error}); delete it to compute again") from None
-        return LiftResult.from_json(content.get("result", {}), str(path))
+        return LiftResult.from_json(_read(path).get("result", {}), str(path))
 
     def put(self, case: Case, result: LiftResult) -> Path:
         """Keep a result with its case; the file appears whole or not at all.
@@ -68,5 +66,38 @@ class ResultStore:
             raise WorkError(f"{path}: the result cannot be stored ({error})") from None
         return path
 
+    def everything(self) -> list[LiftResult]:
+        """Return all results of this solver, in the order F, AoA, U.
+
+        Raises
+        ------
+        InputError
+            When a file is damaged, was made by another solver, or does not hold the case its name says; such
+            rows must not slip into a table unseen.
+        """
+        found = [self._checked(path) for path in sorted(self.path.rglob("*.json"))]
+        return sorted(found, key=lambda r: (r.flapping_frequency, r.angle_of_attack_deg, r.airspeed))
+
+    def _checked(self, path: Path) -> LiftResult:
+        content = _read(path)
+        result = LiftResult.from_json(content.get("result", {}), str(path))
+        made_by = result.provenance.solver
+        if made_by != solver_fingerprint():
+            raise InputError(f"{path}: made by solver {made_by}; allowed: this one, {solver_fingerprint()}")
+        address = from_dict(content.get("case", {}), str(path)).address()
+        if not address == result.address == path.stem:
+            raise InputError(f"{path}: holds the result of case {result.address}, its settings are {address}")
+        return result
+
     def _file(self, address: str) -> Path:
         return self.path / address[:2] / f"{address}.json"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: is no stored result ({error}); delete it to compute again") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: is not a stored result (no keys and values)")
+    return content

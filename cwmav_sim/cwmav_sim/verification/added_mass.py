@@ -62,12 +62,12 @@ class AddedMass:
         )
         solver = Solver(flow, plate, 0.0)
         times, forces = [], []
-        while solver.time < 1.0 / frequency:
+        while solver.time < 0.5 / frequency:
             info = solver.step()
             times.append(info.time)
             forces.append(2.0 * float(info.pressure[:, 2].sum() + info.viscous[:, 2].sum()))
         time = np.array(times)
-        late = time > 0.1 / frequency
+        late = time > 0.1 / frequency  # the acceleration starts at once, and its sound must leave first
         acceleration = np.array([plate.acceleration(t) for t in time[late]])
         speed = np.array([plate.speed(t) for t in time[late]])
         found = added_mass_from(np.array(forces)[late], acceleration, speed)
@@ -85,5 +85,5 @@ class AddedMass:
             upstream=2.0 * self.chord,
             symmetric=True,
         )
-        base = FlowSettings(resolution=Resolution(dp=dp), fluid=Fluid(viscosity=1.48e-5), box=box)
+        base = FlowSettings(resolution=Resolution(dp=dp, cfl=0.4), fluid=Fluid(viscosity=1.48e-5), box=box)
         return replace(base, fringe=Fringe(width=0.0))

@@ -149,3 +149,23 @@ def test_verify_lists_its_cases(call):
     assert status == 0
     assert "still-air" in names
     assert len(names) == len(set(names))
+
+
+def test_sweeps_are_gathered_into_one_table(call, tmp_path):
+    for part, angles in (("a", (0, 10, 20, 30, 40)), ("b", (5, 15, 25, 35, 10))):
+        lines = [f"{10 + k},3,{angle}" for k, angle in enumerate(angles)]
+        (tmp_path / f"{part}.csv").write_text("\n".join(["F_hz,U_m_s,AoA_deg", *lines]) + "\n")
+        call("sweep", str(tmp_path / f"{part}.csv"), "--out", str(tmp_path / part))
+    out = tmp_path / "table.csv"
+    status, text, _ = call("table", str(out), str(tmp_path / "a"), str(tmp_path / "b"), "--json")
+    content = json.loads(text)
+    assert status == 0
+    assert content["rows"] == 10
+    assert "10 SPH runs at 12 mm" in content["source"]
+    assert len(out.read_text().splitlines()) == 11
+
+
+def test_gathering_from_a_folder_that_is_none_is_bad_input(call, tmp_path):
+    status, _, err = call("table", str(tmp_path / "t.csv"), str(tmp_path / "absent"))
+    assert status == 2
+    assert "absent" in err

@@ -62,3 +62,29 @@ def test_nothing_unfinished_is_left_behind(tmp_path):
     case = cases.preset("smoke")
     ResultStore(tmp_path).put(case, result_for(case, lift=0.1))
     assert not list(tmp_path.rglob("*.part"))
+
+
+def test_everything_is_returned_in_order(tmp_path):
+    base, store = cases.preset("smoke"), ResultStore(tmp_path)
+    points = [base.at(20.0, 10.0, 3.0), base.at(8.0, 40.0, 3.0), base.at(8.0, 5.0, 3.0)]
+    for case in points:
+        store.put(case, result_for(case, lift=0.1))
+    found = [(r.flapping_frequency, r.angle_of_attack_deg) for r in store.everything()]
+    assert found == [(8.0, 5.0), (8.0, 40.0), (20.0, 10.0)]
+
+
+def test_results_of_another_solver_are_refused_when_gathered(tmp_path):
+    case, store = cases.preset("smoke"), ResultStore(tmp_path)
+    path = store.put(case, result_for(case, lift=0.1))
+    made_by = result_for(case, lift=0.1).provenance.solver
+    path.write_text(path.read_text().replace(made_by, "ffffffffffff"))
+    with pytest.raises(InputError, match="made by solver ffffffffffff"):
+        store.everything()
+
+
+def test_result_under_changed_settings_is_refused_when_gathered(tmp_path):
+    case, store = cases.preset("smoke"), ResultStore(tmp_path)
+    path = store.put(case, result_for(case, lift=0.1))
+    path.write_text(path.read_text().replace('"density": 1.225', '"density": 1.34'))
+    with pytest.raises(InputError, match="its settings are"):
+        store.everything()
