@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Probability of failure of a design whose variables scatter: one method a file, one kind of result."""
 
+from cwmav_rbdo.reliability.active_learning import LearningSettings, active_learning
 from cwmav_rbdo.reliability.convolved_field import ConvolvedField, GridLimitState
 from cwmav_rbdo.reliability.estimate import Band, Estimate
 from cwmav_rbdo.reliability.form import form
@@ -18,7 +19,9 @@ __all__ = [
     "GaussianNoise",
     "GridLimitState",
     "Inputs",
+    "LearningSettings",
     "LimitState",
+    "active_learning",
     "form",
     "importance_sampling",
     "line_root",
