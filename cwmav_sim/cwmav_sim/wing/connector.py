@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.kernels import connector_forces
 from cwmav_sim.wing.rotation import cross, exponential, logarithm, skew, turn, turn_back
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
@@ -117,9 +118,28 @@ class Connectors:
 
     def forces(self, c: Configuration) -> FloatArray:
         """Return the resisting forces and moments, shape (m, d)."""
-        k = self._kinematics(c)
-        force, moment = self._resultants(c, k)
-        return np.asarray(_gather(self._spread, _local_forces(k, force, moment)))
+        one, two, k = self.first, self.second, self.stiffness
+        forces: FloatArray = connector_forces(
+            c.x,
+            c.v,
+            c.turn,
+            c.spin,
+            one.nodes,
+            one.weights,
+            one.body,
+            one.arm,
+            one.triad,
+            two.nodes,
+            two.weights,
+            two.body,
+            two.arm,
+            two.triad,
+            k.translation,
+            k.rotation,
+            k.rest,
+            self.viscosity,
+        )
+        return forces.reshape(len(forces), -1)
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return the stiffness with its viscous part, shape (m, d, d).
@@ -211,17 +231,6 @@ class Connectors:
         return np.concatenate([-d_n, first, d_n, second], axis=1)
 
 
-def _local_forces(k: _Kinematics, force: FloatArray, moment: FloatArray) -> FloatArray:
-    """Gradient of the energy over (x1, w1, x2, w2), shape (m, 4, 3)."""
-    n, p = turn(k.middle, force), turn(k.middle, k.psi)
-    h = cross(n, k.d)
-    twist = 0.5 * k.tau * cross(h, p)
-    bending = turn(k.middle, _swollen(k, moment))
-    first = 0.5 * h + twist - bending - cross(k.arm1, n)
-    second = 0.5 * h - twist + bending + cross(k.arm2, n)
-    return np.stack([-n, first, n, second], axis=1)
-
-
 def _swollen(k: _Kinematics, a: FloatArray) -> FloatArray:
     """S a, with the symmetric matrix S of the module's equations."""
     along = np.einsum("mi,mi->m", k.axis, a)[:, None]
@@ -247,7 +256,3 @@ def _spread(first: FloatArray, second: FloatArray) -> FloatArray:
     out[:, one + 1 : one + 1 + two, 2] = second
     out[:, -1, 3] = 1.0
     return out
-
-
-def _gather(spread: FloatArray, local: FloatArray) -> FloatArray:
-    return np.asarray((spread @ local).reshape(len(local), -1))

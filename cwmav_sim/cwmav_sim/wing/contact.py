@@ -108,6 +108,10 @@ class Impacts:
         self._edge = float(np.max(np.linalg.norm(edges, axis=2)))
         self._distant_until, self._previous = -np.inf, -np.inf
 
+    def forget(self) -> None:
+        """Forget when wings can touch next, as is needed after going back in time."""
+        self._distant_until, self._previous = -np.inf, -np.inf
+
     def find(self, x: FloatArray) -> Contacts:
         """Return all contacts of the nodes at ``x`` (n, 3) [m]."""
         found = [_against(side, x, self.law.distance, self._edge) for side in self._sides]
@@ -144,7 +148,7 @@ class Impacts:
         block = sp.block_diag(list(axes), format="csr") @ select
         compliance = (block @ self._sheet.compliance(c) @ block.T).toarray()
         depth = np.maximum(self.law.distance - contacts.gap, 0.0)
-        push = np.minimum(self.law.separation * depth / step, self.law.separation_speed)
+        push = np.minimum(self.law.separation * depth / max(step, 1e-9), self.law.separation_speed)
         push = np.where(contacts.gap < 0.5 * self.law.distance, push, 0.0)
         target = np.maximum(-self.law.restitution * np.minimum(speed[:, 0], 0.0), push)
         impulse = _gauss_seidel(compliance, speed, target, self.law.friction, self.law.sweeps)

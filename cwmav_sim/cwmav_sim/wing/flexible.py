@@ -82,6 +82,9 @@ class LatticeLayout:
     )
     spring_scale: float = setting(1.0, "scale of the linear springs that stand for the film", gt=0)
     joint_scale: float = setting(1.0, "scale of the angular springs that stand for the rods", gt=0)
+    rod_torsion: float = setting(
+        0.0, "share of the rods' torsion stiffness that facets feel (0: film hinged on its rods)", ge=0, le=1
+    )
 
 
 @dataclass(frozen=True)
@@ -209,8 +212,8 @@ def panel_rods(layout: Plan, axes: FloatArray, *, first_node: int) -> list[RodPa
     weights[:, 0] = 1.0
     placed = [(nodes, weights, layout.flexibility.spar.section())]
     for stiffener in layout.flexibility.stiffeners:
-        path = stiffener_path(stiffener, planform, layout.spacing)
-        placed.append((*locate(path, mesh), stiffener.section()))
+        triangle, shares = locate(stiffener_path(stiffener, planform, layout.spacing), mesh)
+        placed.append((mesh.triangles[triangle], shares, stiffener.section()))
     rods = []
     for nodes, weights, section in placed:
         flat = np.einsum("pw,pwi->pi", weights, layout.flat[nodes])
@@ -246,7 +249,7 @@ def stiffener_path(stiffener: Stiffener, planform: WingPlanform, spacing: float)
 
 
 def locate(points: FloatArray, mesh: PanelMesh) -> tuple[IntArray, FloatArray]:
-    """Find the triangle around each point (r, s) and the shares of its corners, shapes (p, 3)."""
+    """Find the triangle around each point (r, s): its number (p,) and the shares of its corners (p, 3)."""
     corner = np.stack([mesh.r, mesh.s], axis=1)[mesh.triangles]
     base, first, second = corner[:, 0], corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     double = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
@@ -257,7 +260,7 @@ def locate(points: FloatArray, mesh: PanelMesh) -> tuple[IntArray, FloatArray]:
     best = np.argmax(shares.min(axis=2), axis=1)
     found = shares[np.arange(len(points)), best]
     found = np.clip(found, 0.0, None)  # a rod may run a hair outside the polygonal edge
-    return mesh.triangles[best], found / found.sum(axis=1, keepdims=True)
+    return best, found / found.sum(axis=1, keepdims=True)
 
 
 def _film(layout: Plan) -> Membrane:

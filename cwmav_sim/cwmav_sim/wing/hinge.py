@@ -19,6 +19,8 @@ from cwmav_sim.wing.dynamics import Carrier, Driven
 from cwmav_sim.wing.rotation import cross, turn
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
+_REMEMBERED = 4  # instants a step asks for more than once
+
 
 @dataclass(frozen=True)
 class Swing:
@@ -141,7 +143,7 @@ class HingedRoot:
         self._first = hinges.at(start).axes
         self._reference = reference
         self._still = turn(self._first[held.group], held.place)
-        self._recent: tuple[float, Swing] | None = None
+        self._recent: dict[float, Swing] = {}
 
     def at(self, t: float) -> Driven:
         """Return the motion of everything driven at ``t`` [s]."""
@@ -167,9 +169,11 @@ class HingedRoot:
         return Carrier(swing.axes, swing.spin)
 
     def _swing(self, t: float) -> Swing:
-        if self._recent is None or self._recent[0] != t:
-            self._recent = (t, self._hinges.at(t))
-        return self._recent[1]
+        if t not in self._recent:
+            while len(self._recent) >= _REMEMBERED:
+                del self._recent[next(iter(self._recent))]
+            self._recent[t] = self._hinges.at(t)
+        return self._recent[t]
 
 
 def _body_axes(angle_of_attack: float) -> tuple[FloatArray, FloatArray]:

@@ -292,7 +292,7 @@ class Integrator:
         ) / (1.0 - self._am)
         self._hold_acceleration(auxiliary, driven)
         self.counters.steps += 1
-        energies = self._account(target, c, moved, force, reaction, carrier)
+        energies = self._account(target, c, moved, force, reaction)
         return Motion(target, c, acceleration, auxiliary, force, reaction, energies)
 
     def _account(
@@ -302,23 +302,19 @@ class Integrator:
         moved: FloatArray,
         force: FloatArray,
         reaction: FloatArray,
-        carrier: Carrier,
     ) -> Energies:
-        """Energy balance by the trapezoidal rule."""
+        """Add the work of one step: loads and reactions by the trapezoidal rule, losses at its middle."""
         s, old = self.system, self.motion
         h = target - old.time
-        before = s.drive.carrier(old.time)
         travelled = 0.5 * h * (old.configuration.rates + c.rates)
         travelled[s.free_rows] = moved[s.free_rows]
         held = s.held_rows
         travelled[s.drive.nodes] = c.x[s.drive.nodes] - old.configuration.x[s.drive.nodes]
         load_work = 0.5 * float(np.sum((old.force + force) * travelled))
         drive_work = 0.5 * float(np.sum((old.reaction + reaction) * travelled[held]))
-        lost, carried = (
-            0.5 * (a + b)
-            for a, b in zip(s.drag_power(old.configuration, before), s.drag_power(c, carrier), strict=True)
-        )
-        viscous = 0.5 * (s.viscous_power(old.configuration) + s.viscous_power(c))
+        middle, between = self._middle(c, moved, h), 0.5 * (old.time + target)
+        lost, carried = s.drag_power(middle, s.drive.carrier(between))
+        viscous = s.viscous_power(middle)
         e = old.energies
         return Energies(
             kinetic=s.kinetic(c),
@@ -329,6 +325,18 @@ class Integrator:
             drive_work=e.drive_work + drive_work - h * carried,
             initial=e.initial,
         )
+
+    def _middle(self, c: Configuration, moved: FloatArray, h: float) -> Configuration:
+        """Half-way configuration with the step's mean velocities: its strain rates are the exact changes."""
+        n, old = self.system.nodes, self.motion.configuration
+        driven = self.system.drive.nodes
+        moved = moved.copy()
+        moved[driven] = c.x[driven] - old.x[driven]
+        bodies = self.system.drive.bodies
+        relative = c.turn[bodies] @ np.swapaxes(old.turn[bodies], 1, 2)
+        moved[n + bodies] = logarithm(relative)
+        half = exponential(0.5 * moved[n:]) @ old.turn
+        return Configuration(0.5 * (old.x + c.x), moved[:n] / h, half, moved[n:] / h)
 
 
 def _blend(first: FloatArray, load: Load, share: float) -> Load:

@@ -17,6 +17,7 @@ import numpy as np
 
 from cwmav_common.errors import InputError
 from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.kernels import film_forces
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -54,7 +55,8 @@ class Membrane:
         viscosity: float = 0.0,
     ) -> None:
         self.triangles, self.viscosity = triangles, viscosity
-        self._gradients, self.areas = _gradients(reference, triangles)
+        gradients, self.areas = _gradients(reference, triangles)
+        self._gradients = np.ascontiguousarray(gradients)
         self._law = law
         self._volume = thickness * self.areas
         self._dofs = (3 * triangles[:, :, None] + np.arange(3)).reshape(len(triangles), 9)
@@ -74,12 +76,10 @@ class Membrane:
 
     def forces(self, c: Configuration) -> FloatArray:
         """Return the resisting nodal forces [N], shape (m, 9)."""
-        f = self._deformation(c.x)
-        stress = self._volume[:, None] * (self._total_strain(c) @ self._law)
-        first = np.empty_like(f)  # F S
-        first[:, :, 0] = f[:, :, 0] * stress[:, :1] + f[:, :, 1] * stress[:, 2:]
-        first[:, :, 1] = f[:, :, 0] * stress[:, 2:] + f[:, :, 1] * stress[:, 1:2]
-        return np.asarray((self._gradients @ np.swapaxes(first, 1, 2)).reshape(-1, 9))
+        forces: FloatArray = film_forces(
+            c.x, c.v, self.triangles, self._gradients, self._volume, self._law, self.viscosity
+        )
+        return forces
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return the stiffness with its viscous part, shape (m, 9, 9)."""

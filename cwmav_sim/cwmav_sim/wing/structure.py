@@ -229,6 +229,8 @@ class FlexibleWings:
     def restore(self, motion: Motion) -> None:
         """Go back to a saved instant."""
         self._integrator.restore(motion)
+        if self.impacts is not None:
+            self.impacts.forget()
 
     def _check(self, time: float, load: FloatArray) -> None:
         if not time >= self.time:

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid facets of the quasi-flexible wing, and the sheet that hangs on them.
+
+A panel's triangles are grouped into facets by span and chord. Each facet is one rigid body with the mass and
+principal inertia of its film and rods. A sheet node between facets follows the mean of the points that they
+carry there; its load is shared in the same way, so force, moment and work are conserved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.geometry import PanelMesh, WingPlanform
+from cwmav_sim.wing.rotation import cross, skew, turn
+from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Facets of one panel in hinge coordinates.
+
+    Attributes
+    ----------
+    of_triangle : ndarray, shape (m,)
+        Facet of every triangle.
+    mass : ndarray, shape (f,)
+        Masses [kg].
+    centre : ndarray, shape (f, 3)
+        Centres of mass [m].
+    inertia : ndarray, shape (f, 3)
+        Principal moments of inertia [kg m2].
+    axes : ndarray, shape (f, 3, 3)
+        Principal axes, columns.
+    """
+
+    of_triangle: IntArray
+    mass: FloatArray
+    centre: FloatArray
+    inertia: FloatArray
+    axes: FloatArray
+
+
+def group_triangles(mesh: PanelMesh, planform: WingPlanform, spanwise: int, chordwise: int) -> IntArray:
+    """Return the facet of every triangle, numbered without gaps, shape (m,)."""
+    r, s = (field[mesh.triangles].mean(axis=1) for field in (mesh.r, mesh.s))
+    along = (r - planform.root) / (planform.length - planform.root)
+    across = s / np.maximum(planform.chord(r), 1e-12)
+    row = np.clip((spanwise * along).astype(np.int64), 0, spanwise - 1)
+    column = np.clip((chordwise * across).astype(np.int64), 0, chordwise - 1)
+    _, number = np.unique(row * chordwise + column, return_inverse=True)
+    return number.astype(np.int64)
+
+
+def rigid_facets(of_triangle: IntArray, points: FloatArray, point_mass: FloatArray, at: IntArray) -> Facets:
+    """Build facets from point masses.
+
+    Parameters
+    ----------
+    of_triangle : ndarray, shape (m,)
+        Facet of every triangle.
+    points : ndarray, shape (q, 3)
+        Places of the masses in hinge coordinates [m].
+    point_mass : ndarray, shape (q,)
+        Masses [kg].
+    at : ndarray, shape (q,)
+        Facet of each.
+    """
+    count = int(of_triangle.max()) + 1
+    mass, moment = np.zeros(count), np.zeros((count, 3))
+    np.add.at(mass, at, point_mass)
+    np.add.at(moment, at, point_mass[:, None] * points)
+    centre = moment / mass[:, None]
+    arm = points - centre[at]
+    square = np.einsum("qi,qi->q", arm, arm)[:, None, None] * np.eye(3) - arm[:, :, None] * arm[:, None, :]
+    tensor = np.zeros((count, 3, 3))
+    np.add.at(tensor, at, point_mass[:, None, None] * square)
+    inertia, axes = np.linalg.eigh(tensor)
+    axes[:, :, 2] = cross(axes[:, :, 0], axes[:, :, 1])  # right-handed
+    return Facets(of_triangle, mass, centre, inertia, axes)
+
+
+class FacetSheet:
+    """Sheet nodes carried by facets; implements :class:`cwmav_sim.wing.structure.SheetMap`.
+
+    Parameters
+    ----------
+    nodes, bodies : ndarray, shape (q,)
+        Each pair says that a body carries a sheet node.
+    arm : ndarray, shape (q, 3)
+        Place of the node in the body's material axes [m].
+    """
+
+    def __init__(self, system: System, nodes: IntArray, bodies: IntArray, arm: FloatArray) -> None:
+        self._system, self._bodies, self._arm = system, bodies, arm
+        count = int(nodes.max()) + 1
+        share = 1.0 / np.bincount(nodes, minlength=count)[nodes]
+        self._mean = sp.csr_matrix((share, (nodes, np.arange(len(nodes)))), shape=(count, len(nodes)))
+        self._share, self._nodes = share, nodes
+
+    def state(self, c: Configuration, acceleration: FloatArray) -> SheetState:
+        """Return the mean of what the facets carry."""
+        b, arm, n = self._bodies, turn(c.turn[self._bodies], self._arm), self._system.nodes
+        spin = c.spin[b]
+        rim = cross(spin, arm)
+        a = acceleration[b] + cross(acceleration[n + b], arm) + cross(spin, rim)
+        x, v, a = (np.asarray(self._mean @ field) for field in (c.x[b] + arm, c.v[b] + rim, a))
+        return SheetState(x, v, a)
+
+    def load(self, c: Configuration, forces: FloatArray) -> FloatArray:
+        """Return forces and moments on the bodies."""
+        share = np.asarray(self._mean.T @ forces)
+        moment = cross(turn(c.turn[self._bodies], self._arm), share)
+        out = np.zeros((self._system.rows, 3))
+        np.add.at(out, self._bodies, share)
+        np.add.at(out, self._system.nodes + self._bodies, moment)
+        return out
+
+    def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
+        """Return the change of the bodies' velocities and spins."""
+        change = self._system.solve_inertia(c, self.load(c, impulses))
+        change[self._system.held_rows] = 0.0
+        return change
+
+    def compliance(self, c: Configuration) -> sp.csr_matrix:
+        """Return the sheet's velocities per nodal impulse."""
+        jacobian = self._jacobian(c)
+        s = self._system
+        free = np.ones(s.rows)
+        free[s.held_rows] = 0.0
+        linear = np.eye(3) / s.inertia.mass[:, None, None]
+        angular = np.einsum("kij,kj,klj->kil", c.turn, 1.0 / s.inertia.rotary, c.turn)
+        inverse = sp.block_diag(list(free[:, None, None] * np.concatenate([linear, angular])), format="csr")
+        return sp.csr_matrix(jacobian @ inverse @ jacobian.T)
+
+    def _jacobian(self, c: Configuration) -> sp.csr_matrix:
+        """Velocities of the sheet per rate of the bodies, shape (3 n, 3 (n + k))."""
+        count, rows = self._mean.shape[0], self._system.rows
+        arm = turn(c.turn[self._bodies], self._arm)
+        blocks = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -skew(arm)])
+        blocks = np.tile(self._share, 2)[:, None, None] * blocks
+        node = np.tile(self._nodes, 2)
+        row = np.concatenate([self._bodies, self._system.nodes + self._bodies])
+        axis = np.arange(3)
+        i = np.broadcast_to(3 * node[:, None, None] + axis[:, None], blocks.shape)
+        j = np.broadcast_to(3 * row[:, None, None] + axis, blocks.shape)
+        return sp.csr_matrix((blocks.ravel(), (i.ravel(), j.ravel())), shape=(3 * count, 3 * rows))
