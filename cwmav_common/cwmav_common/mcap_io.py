@@ -27,6 +27,7 @@ from cwmav_common.mcap_file import McapFile, Piece
 from cwmav_common.mcap_scan import MessageIndex
 
 LIBRARY = "cwmav"
+FEW_PIECES = 4
 _COMPRESSION = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
 
 
@@ -210,17 +211,21 @@ class Recording:
         return min(piece.start_ns for piece in pieces), max(piece.end_ns for piece in pieces)
 
     def pauses(self, longest_ns: int, budget: int = 64 << 20) -> list[tuple[int, int]]:
-        """Find times without any message longer than `longest_ns`: begin and end [ns].
+        """Find times without any message, longer than `longest_ns`: begin and end [ns].
 
-        Taken from the times that every piece carries; pieces that themselves last so long are looked into, as
-        long as they are not more than `budget` bytes in all.
+        Taken from the times that every piece carries. A piece that lasts longer than the others may hold a
+        pause: it is looked into, as long as such pieces are not more than `budget` bytes in all.
         """
+        pieces = self._pieces_by_time(None, None)
+        lengths = [piece.end_ns - piece.start_ns for piece, _ in pieces]
+        usual = float(np.median(lengths)) if len(lengths) > FEW_PIECES else 0.0
         spans: list[tuple[int, int]] = []
-        for piece, file in self._pieces_by_time(None, None):
-            budget -= piece.size if piece.end_ns - piece.start_ns > longest_ns else 0
-            if piece.end_ns - piece.start_ns <= longest_ns or budget < 0:
+        for (piece, file), length in zip(pieces, lengths, strict=True):
+            suspicious = length > longest_ns and length > 1.5 * usual and piece.size <= budget
+            if not suspicious:
                 spans.append((piece.start_ns, piece.end_ns))
                 continue
+            budget -= piece.size
             times = np.sort(file.load(piece)[1].log_times)
             jumps = np.flatnonzero(np.diff(times) > longest_ns)
             edges = [0, *(jumps + 1).tolist(), len(times)]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, find_objects, label
-from scipy.signal import fftconvolve, welch
+from scipy.signal import oaconvolve, welch
 
 from cwmav_common.errors import InputError
 from cwmav_rig.blocks import Block
@@ -34,6 +34,7 @@ REFINEMENTS = 4
 LINES = 8  # harmonics that speak for a fundamental
 SIGNIFICANT = 0.02  # share of the strongest line's amplitude that a fundamental must have
 LEAST_CYCLES = 8
+PIECE = 1 << 16  # samples handled together
 NEGLIGIBLE = 0.6  # share of the waveform's deviation below which a difference does not matter
 DEVIATION = 0.25  # a cycle whose length differs more from the median was mistaken
 ODD = 4.0  # a cycle that differs from the mean waveform by so many times the usual was disturbed
@@ -188,26 +189,42 @@ def _demodulated(signal: Array, step: float, frequency: float) -> Array:
     turn = 2.0 * np.pi * frequency * step * np.arange(n)
     # Two cycles of Hann: its zeros fall on the mean and on every other harmonic.
     window = np.hanning(max(5, round(2.0 / (frequency * step)) | 1))
-    carrier = fftconvolve((signal - signal.mean()) * np.exp(-1j * turn), window, mode="same")
+    carrier = oaconvolve((signal - signal.mean()) * np.exp(-1j * turn), window, mode="same")
     return np.asarray(turn + np.unwrap(np.angle(carrier)), np.float64)
 
 
 def _waveform(signal: Array, phase: Array, good: Mask, step: float, frequency: float) -> tuple[Array, Array]:
-    """Fit harmonics of the phase to the signal; give the fit and its derivative with the phase."""
+    """Fit harmonics of the phase to the signal; give the fit and its derivative with the phase.
+
+    In pieces, so that an hour of signal does not need a basis of the same length.
+    """
     highest = max(1, min(HARMONICS, int(0.4 / (step * frequency))))
-    orders = range(1, highest + 1)
-    basis = np.stack([np.ones_like(phase)] + [g(h * phase) for h in orders for g in (np.cos, np.sin)], axis=1)
-    weights = basis[good].T @ basis[good]
-    weights[np.diag_indices_from(weights)] += 1e-9 * len(phase)
-    coefficients = np.linalg.solve(weights, basis[good].T @ signal[good])
+    weights = 1e-9 * len(phase) * np.eye(2 * highest + 1)
+    moments = np.zeros(2 * highest + 1)
+    pieces = [slice(begin, begin + PIECE) for begin in range(0, len(phase), PIECE)]
+    for part in pieces:
+        basis = _harmonics(phase[part][good[part]], highest)
+        weights += basis.T @ basis
+        moments += basis.T @ signal[part][good[part]]
+    coefficients = np.linalg.solve(weights, moments)
     slopes = np.zeros_like(coefficients)
-    for h in orders:
+    for h in range(1, highest + 1):
         slopes[2 * h - 1], slopes[2 * h] = h * coefficients[2 * h], -h * coefficients[2 * h - 1]
-    return basis @ coefficients, basis @ slopes
+    fit, derivative = np.empty_like(phase), np.empty_like(phase)
+    for part in pieces:
+        basis = _harmonics(phase[part], highest)
+        fit[part], derivative[part] = basis @ coefficients, basis @ slopes
+    return fit, derivative
+
+
+def _harmonics(phase: Array, highest: int) -> Array:
+    columns = [np.ones_like(phase)]
+    columns += [g(h * phase) for h in range(1, highest + 1) for g in (np.cos, np.sin)]
+    return np.stack(columns, axis=1)
 
 
 def _smooth(values: Array, window: Array) -> Array:
-    return np.asarray(fftconvolve(values, window, mode="same"))
+    return np.asarray(oaconvolve(values, window, mode="same"))
 
 
 def _filled(values: Array, good: Mask) -> Array:
