@@ -5,9 +5,9 @@ Shifting moves particles down the gradient of their concentration,
 
     dx = - C h U dt grad(concentration),   clipped to a fraction of the spacing
 
-(S. J. Lind et al., J. Comput. Phys. 231 (2012) 1499, with the speed U of the flow for the time scale); within one
-spacing of a wall its part towards the wall is dropped. The wall sums are almost flat between a particle on
-the wall and one half a spacing away, so nothing in them restores the gap: particles nearer than the
+(S. J. Lind et al., J. Comput. Phys. 231 (2012) 1499, with the speed U of the flow for the time scale). Within
+one spacing of a wall its part towards the wall is dropped. The wall sums are almost flat between a particle
+on the wall and one half a spacing away, so nothing in them restores the gap: particles nearer than the
 keep-out distance are eased away by a tenth of what is missing, every step.
 """
 

@@ -28,7 +28,7 @@ LOAD_SIZE = 8
 
 @nb.njit(cache=True, error_model="numpy")
 def gather_sides(sides, runs, count, panels, buf):
-    """Copy wall distances of the runs, shape (channels, n); in a mirror a wall and its image change places."""
+    """Copy wall distances of the runs, shape (channels, n); in a mirror a wall and its image swap places."""
     channels = sides.shape[0]
     m = 0
     for run in range(count):

@@ -5,8 +5,8 @@
     corrector   v' = v + a* dt,   x' = x + (v + v') dt/2,
                 rho' = rho (2 - e) / (2 + e),  e = -D* dt / rho*
 
-with the rates a, D at the begin and a*, D* at the predicted state (A. N. Parshikov et al., Int. J. Impact Eng.
-24 (2000) 779, as used by J. M. Dominguez et al., Comput. Part. Mech. 9 (2022) 867).
+with the rates a, D at the begin and a*, D* at the predicted state (A. N. Parshikov et al., Int. J. Impact
+Eng. 24 (2000) 779, as used by J. M. Dominguez et al., Comput. Part. Mech. 9 (2022) 867).
 """
 
 from __future__ import annotations

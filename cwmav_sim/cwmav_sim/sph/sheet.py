@@ -2,10 +2,10 @@
 """Thin walls as the particles see them: quadrature elements and probes on moving triangles.
 
 The triangles of every panel are divided into elements about a third of the particle spacing apart, fine
-enough for the ray integrals of particles at 0.4 spacings from the wall. An element keeps its place in its triangle
-(barycentric), its distance from the free edge of the panel in the reference state and the in-plane direction
-away from that edge. The outline is set back by a fraction of the spacing, because the wall acts on particles
-slightly beyond its edge.
+enough for the ray integrals of particles at 0.4 spacings from the wall. An element keeps its place in its
+triangle (barycentric), its distance from the free edge of the panel in the reference state and the in-plane
+direction away from that edge. The outline is set back by a fraction of the spacing, because the wall acts on
+particles slightly beyond its edge.
 """
 
 from __future__ import annotations
@@ -26,24 +26,42 @@ class Nodes(Protocol):
     """Position [m], velocity [m/s] and acceleration [m/s2] of the sheet nodes, shape (n, 3) each."""
 
     @property
-    def x(self) -> FloatArray: ...
+    def x(self) -> FloatArray:
+        """Positions [m], shape (n, 3)."""
+        ...
+
     @property
-    def v(self) -> FloatArray: ...
+    def v(self) -> FloatArray:
+        """Velocities [m/s], shape (n, 3)."""
+        ...
+
     @property
-    def a(self) -> FloatArray: ...
+    def a(self) -> FloatArray:
+        """Accelerations [m/s2], shape (n, 3)."""
+        ...
 
 
 class Motion(Protocol):
     """Triangulated sheets whose motion is known: what the solver needs of a wing."""
 
     @property
-    def triangles(self) -> IntArray: ...
-    @property
-    def panel(self) -> IntArray: ...
-    @property
-    def panel_names(self) -> tuple[str, ...]: ...
+    def triangles(self) -> IntArray:
+        """Node numbers of each triangle, shape (m, 3)."""
+        ...
 
-    def state(self, t: float) -> Nodes: ...
+    @property
+    def panel(self) -> IntArray:
+        """Panel number of each triangle, shape (m,)."""
+        ...
+
+    @property
+    def panel_names(self) -> tuple[str, ...]:
+        """Names of the panels."""
+        ...
+
+    def state(self, t: float) -> Nodes:
+        """Return the nodes at time ``t`` [s]."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ def locate_surfaces(
     values = (placed.v, placed.normal, placed.normal_acceleration, placed.area)
     elements = _pack(placed.x, quadrature.panel, values, panels, grid, dtype)
     probe = quadrature.probe
-    values = (placed.normal[probe], placed.inward[probe], quadrature.depth[probe])
+    values = (placed.normal[probe], placed.inward[probe], quadrature.depth[probe])  # type: ignore[assignment]
     probes = _pack(placed.x[probe], quadrature.panel[probe], values, panels, grid, dtype)
     near = np.empty(grid.cells, np.bool_)
     visibility.mark_near(elements.start, grid.integers, near)

@@ -27,7 +27,7 @@ PROBE_ROWS = 10
 
 @nb.njit(cache=True)
 def mark_near(start, integers, near):
-    """Mark the cells whose surroundings hold points of any of the sorted sets ``start``, shape (p, cells + 1)."""
+    """Mark the cells with points of any set ``start``, shape (p, cells + 1), within reach."""
     nx, ny, nz, mirrored, reach_y = integers[0], integers[1], integers[2], integers[3], integers[4]
     near[:] = False
     for p in range(start.shape[0]):

@@ -16,8 +16,9 @@ particle, e the unit vector from the element to the particle and d the dimension
     shifting            += omega e G0
 
 The mirror state carries the pressure of the particle itself, raised by the wall acceleration a_w, and a
-velocity antisymmetric about the wall that is limited near it, r' = max(r, dp/4). p_i = rho c0 u min(b u/c0, 1)
-resists an approach at speed u when the factor b is not zero. The wall takes the opposite force.
+velocity antisymmetric about the wall that is limited near it, r' = max(r, dp/4). The pressure
+p_i = rho c0 u min(b u/c0, 1) resists an approach at speed u when the factor b is not zero. The wall takes the
+opposite force.
 """
 
 from __future__ import annotations
