@@ -85,7 +85,10 @@ test-slow: setup
 	@$(BIN)/python -m pytest -n $(JOBS) -m slow $(PYTEST_ARGS)
 
 test-colcon: setup
-	@$(BIN)/python -m pytest -m colcon $(PYTEST_ARGS)
+	@$(PIP_INSTALL)
+	install "installing colcon and the generators of the interfaces" colcon-common-extensions $$($(BIN)/python -c \
+	  "import tomllib; print(*tomllib.load(open('msgs_schema/pyproject.toml', 'rb'))['build-system']['requires'])")
+	$(BIN)/python -m pytest -m colcon $(PYTEST_ARGS)
 
 bench: setup
 	@$(BIN)/python -m pytest -m bench $(PYTEST_ARGS)

@@ -17,6 +17,7 @@ import typer
 
 from cwmav_common.cli import app, main_guard
 from cwmav_common.errors import InputError
+from cwmav_common.mcap_io import open_recording
 from cwmav_common.progress import progress
 from cwmav_rbdo.problem import load_problem
 from cwmav_rbdo.result import Band, IterationRow
@@ -72,8 +73,10 @@ def _show_rig(client: Any, recording: Path) -> None:
     from cwmav_msgs.srv import EstimateUncertainty
 
     estimate = client.call(EstimateUncertainty, "/rig/estimate_uncertainty", START).estimate
-    mark = " (synthetic)" if estimate.synthetic else ""
-    _say(f"rig   {recording}{mark}   {estimate.cycles} cycles")
+    with open_recording(recording) as opened:
+        begin, end = opened.span_ns
+    kind = "synthetic" if estimate.synthetic else "measured"
+    _say(f"rig   {recording} ({kind}, {1e-9 * (end - begin):.0f} s)   {estimate.cycles} cycles")
     rows = (
         ("F", "Hz", "flapping_frequency"),
         ("AoA", "deg", "angle_of_attack"),
