@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +18,7 @@ from cwmav_common.progress import progress
 from cwmav_sim import case as cases
 from cwmav_sim.case import Case
 from cwmav_sim.result import LiftResult, describe_point
+from cwmav_sim.verification.protocol import Check
 
 cli = app("cwmav-sim", "Lift of clapping wings by smoothed particle hydrodynamics.")
 
@@ -166,16 +168,14 @@ def verify(
         entries = [{"name": c.name, "summary": c.summary} for c in catalogue()]
         emit({"cases": entries}, json, [f"{e['name']:24} {e['summary']}" for e in entries])
         return
-    checks = []
+    checks: list[Check] = []
     for entry in select(name, everything):
         message(f"{entry.name}: {entry.summary}")
-        checks += entry.run()
-    lines = [
-        f"{'ok  ' if c.passed else 'FAIL'} {c.name:22} {c.quantity}: {c.value:.5g} against {c.reference:.5g}"
-        f" ({c.error_percent:+.2f} %, allowed {c.tolerance_percent:g} %)"
-        for c in checks
-    ]
-    emit({"cases": [c.to_json() for c in checks]}, json, lines)
+        found = entry.run()
+        for line in _check_lines(found):
+            message(f"  {line}")
+        checks += found
+    emit({"cases": [c.to_json() for c in checks]}, json, _check_lines(checks))
     failures = [c for c in checks if not c.passed]
     if failures:
         raise WorkError(f"{len(failures)} of {len(checks)} checks failed")
@@ -226,6 +226,14 @@ def _reporter(bar: Bar) -> Any:
         bar.advance_to(state.fraction * state.cycles, note)
 
     return report
+
+
+def _check_lines(checks: Sequence[Check]) -> list[str]:
+    return [
+        f"{'ok  ' if c.passed else 'FAIL'} {c.name:22} {c.quantity}: {c.value:.5g} against {c.reference:.5g}"
+        f" ({c.error_percent:+.2f} %, allowed {c.tolerance_percent:g} %)"
+        for c in checks
+    ]
 
 
 def _result_lines(result: LiftResult) -> list[str]:

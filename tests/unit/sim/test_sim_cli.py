@@ -10,6 +10,8 @@ import pytest
 
 from cwmav_sim import cli
 from cwmav_sim import run as running
+from cwmav_sim.verification import catalogue
+from cwmav_sim.verification.protocol import Check
 
 
 class SteadyFlow:
@@ -169,3 +171,25 @@ def test_gathering_from_a_folder_that_is_none_is_bad_input(call, tmp_path):
     status, _, err = call("table", str(tmp_path / "t.csv"), str(tmp_path / "absent"))
     assert status == 2
     assert "absent" in err
+
+
+class StubCase:
+    """A verification case with one right and one wrong number."""
+
+    name, summary, slow = "stub", "two numbers", False
+
+    def run(self):
+        right = Check("stub", "mass [kg]", 1.05, 1.0, 1.0, 10.0, "a book")
+        return [right, Check("stub", "speed [m/s]", float("nan"), 0.0, 60.0, 0.1, "a law")]
+
+
+def test_verify_reports_every_check_and_fails_when_one_does(call, monkeypatch):
+    monkeypatch.setattr(catalogue, "catalogue", lambda: (StubCase(),))
+    status, out, err = call("verify", "stub", "--json")
+    first, second = json.loads(out)["cases"]
+    assert status == 1
+    assert "1 of 2 checks failed" in err
+    assert first["passed"] is True
+    assert first["error_percent"] == pytest.approx(5.0)
+    assert (second["passed"], second["value"]) == (False, None)
+    assert {"name", "quantity", "reference", "tolerance_percent", "source"} <= set(first)
