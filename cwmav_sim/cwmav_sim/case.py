@@ -100,14 +100,15 @@ class Case:
             moving=self.run.flapping,
         )
 
-    def address(self) -> str:
+    def address(self, solver: str | None = None) -> str:
         """Return the content address: a hash of all settings and of the solver that would run them.
 
-        The preset's name is left out, since it changes nothing that is not in the settings.
+        The preset's name is left out, since it changes nothing that is not in the settings. ``solver`` is the
+        fingerprint of another solver; by default it is that of this one.
         """
         content = to_mapping(self)
         del content["preset"]
-        text = json.dumps([solver_fingerprint(), content], sort_keys=True, separators=(",", ":"))
+        text = json.dumps([solver or solver_fingerprint(), content], sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

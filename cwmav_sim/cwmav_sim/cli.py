@@ -136,6 +136,9 @@ def points(
 def table(
     out: Annotated[Path, typer.Argument(help="CSV file to write.")],
     folders: Annotated[list[Path], typer.Argument(help="Folders of sweeps with the same settings.")],
+    solver: Annotated[
+        str | None, typer.Option(help="Fingerprint of the solver that made them, if not this one.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Gather finished sweeps into one lift table and tell how well it interpolates."""
@@ -146,7 +149,7 @@ def table(
     for folder in folders:
         if not folder.is_dir():
             raise InputError(f"{folder}: is no folder of a sweep")
-    stored = [result for folder in folders for result in ResultStore(folder / "store").everything()]
+    stored = [result for folder in folders for result in ResultStore(folder / "store").everything(solver)]
     results = list({result.address: result for result in stored}.values())
     write_table(results, out)
     lifts = LiftTable.load(out)

@@ -66,8 +66,13 @@ class ResultStore:
             raise WorkError(f"{path}: the result cannot be stored ({error})") from None
         return path
 
-    def everything(self) -> list[LiftResult]:
-        """Return all results of this solver, in the order F, AoA, U.
+    def everything(self, solver: str | None = None) -> list[LiftResult]:
+        """Return all results of one solver, in the order F, AoA, U.
+
+        Parameters
+        ----------
+        solver : str, optional
+            Fingerprint of the solver that made them; by default this one.
 
         Raises
         ------
@@ -75,16 +80,17 @@ class ResultStore:
             When a file is damaged, was made by another solver, or does not hold the case its name says; such
             rows must not slip into a table unseen.
         """
-        found = [self._checked(path) for path in sorted(self.path.rglob("*.json"))]
+        solver = solver or solver_fingerprint()
+        found = [self._checked(path, solver) for path in sorted(self.path.rglob("*.json"))]
         return sorted(found, key=lambda r: (r.flapping_frequency, r.angle_of_attack_deg, r.airspeed))
 
-    def _checked(self, path: Path) -> LiftResult:
+    def _checked(self, path: Path, solver: str) -> LiftResult:
         content = _read(path)
         result = LiftResult.from_json(content.get("result", {}), str(path))
         made_by = result.provenance.solver
-        if made_by != solver_fingerprint():
-            raise InputError(f"{path}: made by solver {made_by}; allowed: this one, {solver_fingerprint()}")
-        address = from_dict(content.get("case", {}), str(path)).address()
+        if made_by != solver:
+            raise InputError(f"{path}: made by solver {made_by}; allowed: {solver}")
+        address = from_dict(content.get("case", {}), str(path)).address(solver)
         if not address == result.address == path.stem:
             raise InputError(f"{path}: holds the result of case {result.address}, its settings are {address}")
         return result

@@ -7,6 +7,7 @@ import pytest
 
 from cwmav_common.errors import InputError, WorkError
 from cwmav_sim import case as cases
+from cwmav_sim import store as stores
 from cwmav_sim.store import ResultStore
 from support.sim_results import result_for
 
@@ -80,6 +81,19 @@ def test_results_of_another_solver_are_refused_when_gathered(tmp_path):
     path.write_text(path.read_text().replace(made_by, "ffffffffffff"))
     with pytest.raises(InputError, match="made by solver ffffffffffff"):
         store.everything()
+    with pytest.raises(InputError, match="its settings are"):
+        store.everything("ffffffffffff")
+
+
+def test_results_of_a_named_solver_are_gathered(tmp_path, monkeypatch):
+    case, store = cases.preset("smoke"), ResultStore(tmp_path)
+    made_by = result_for(case, lift=0.1).provenance.solver
+    store.put(case, result_for(case, lift=0.1))
+    monkeypatch.setattr(cases, "solver_fingerprint", lambda: "newer")
+    monkeypatch.setattr(stores, "solver_fingerprint", lambda: "newer")
+    with pytest.raises(InputError, match="allowed: newer"):
+        store.everything()
+    assert [r.mean_lift for r in store.everything(made_by)] == [0.1]
 
 
 def test_result_under_changed_settings_is_refused_when_gathered(tmp_path):
