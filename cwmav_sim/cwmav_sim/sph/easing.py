@@ -40,12 +40,13 @@ def ease(x: FloatArray, rates: Rates, settings: FlowSettings, h: float, speed: f
         Smoothing length [m], speed of the flow [m/s], time step [s].
     """
     dp = settings.resolution.dp
+    walls = len(rates.pressure)  # the channels behind them are mirror images, which stand behind the mirror
     _ease(
         x,
         rates.concentration_gradient,
-        rates.sides.signed,
-        rates.sides.inside,
-        rates.sides.normal,
+        rates.sides.signed[:walls],
+        rates.sides.inside[:walls],
+        rates.sides.normal[:walls],
         settings.shifting.coefficient * h * speed * dt,
         settings.shifting.limit * dp,
         dp,

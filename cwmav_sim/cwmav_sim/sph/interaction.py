@@ -219,6 +219,7 @@ def _quadrature(settings: FlowSettings, motion: Motion) -> SheetQuadrature:
         probe_spacing=0.5 * dp,
         set_back=settings.sheet.set_back * dp,
         dimensions=settings.box.dimensions,
+        mirrored=settings.box.symmetric,
     )
 
 

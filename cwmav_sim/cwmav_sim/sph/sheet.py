@@ -101,10 +101,19 @@ class SheetQuadrature:
         Inward displacement of the free edges [m].
     dimensions : int
         In two dimensions a sheet is a strip along y; its area is taken per width of the strip.
+    mirrored : bool
+        An edge in the mirror plane y = 0 is no free edge: the sheet goes on behind it.
     """
 
     def __init__(
-        self, motion: Motion, *, spacing: float, probe_spacing: float, set_back: float, dimensions: int
+        self,
+        motion: Motion,
+        *,
+        spacing: float,
+        probe_spacing: float,
+        set_back: float,
+        dimensions: int,
+        mirrored: bool,
     ) -> None:
         self.panels = len(motion.panel_names)
         self._triangles = np.asarray(motion.triangles, dtype=np.int64)
@@ -113,7 +122,9 @@ class SheetQuadrature:
         triangle, barycentric, share = _subdivide(reference, self._triangles, spacing)
         panel = np.asarray(motion.panel, dtype=np.int64)[triangle]
         x = np.einsum("ek,ekj->ej", barycentric, reference[self._triangles[triangle]])
-        depth, inward = _edge_distance(x, panel, reference, self._triangles, motion.panel, dimensions)
+        depth, inward = _edge_distance(
+            x, panel, reference, self._triangles, motion.panel, dimensions, mirrored
+        )
         depth = depth - set_back
         self._width = _strip_width(reference) if dimensions == 2 else 1.0
         # An element straddling the set-back outline counts with the part that lies inside.
@@ -221,6 +232,7 @@ def _edge_distance(
     triangles: IntArray,
     triangle_panel: IntArray,
     dimensions: int,
+    mirrored: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """Distance of each element from the free edge of its panel, and the unit vector away from it."""
     distance = np.full(len(x), np.inf)
@@ -233,6 +245,8 @@ def _edge_distance(
             length2 = float(along @ along)
             if length2 == 0.0 or (dimensions == 2 and abs(along[1]) < 1e-9 * np.sqrt(length2)):
                 continue  # the cut ends of a two-dimensional strip are no edges
+            if mirrored and max(abs(a[1]), abs(b[1])) < 1e-9:
+                continue
             share = np.clip((x[mine] - a) @ along / length2, 0.0, 1.0)
             away = x[mine] - a - share[:, None] * along
             r = np.linalg.norm(away, axis=1)
