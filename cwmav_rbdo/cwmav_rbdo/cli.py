@@ -76,6 +76,33 @@ def run(
     emit(result.to_json() | {"run_folder": str(folder.path)}, as_json, [*summary_lines(result), *report])
 
 
+@cli.command()
+def reliability(
+    problem: Annotated[Path, typer.Argument(help="Problem file of kind 'reliability'.")],
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Estimate the failure probability of a problem without design variables."""
+    from cwmav_rbdo.problem import load_problem
+    from cwmav_rbdo.study import run_study
+
+    task = load_problem(problem)
+    if task.kind != "reliability":
+        raise InputError(
+            f"{problem}: kind is '{task.kind}'; allowed here: reliability (others: cwmav-rbdo run)"
+        )
+    result = run_study(task, seed=seed).to_json()
+    keys = ("id", "pf", "pf_std", "beta", "true_evaluations", "method", "seed")
+    emit(
+        {key: result[key] for key in keys},
+        as_json,
+        [
+            f"failure probability {result['pf']:.5g} +- {result['pf_std']:.2g}, beta {result['beta']:.4f}, "
+            f"{result['true_evaluations']} evaluations, {result['method']}"
+        ],
+    )
+
+
 main = main_guard(cli)
 
 if __name__ == "__main__":

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Least objective under probabilistic constraints, on Kriging models refined where it matters.
+
+Each round: optimum on the surrogates (:mod:`cwmav_rbdo.general.design`), Monte Carlo on them there, new
+samples at the worst points of the active constraints and where the sign of a constraint is in doubt. It ends
+when the design does not move and the expected share of wrong signs is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from cwmav_common.errors import WorkError
+from cwmav_rbdo.general.design import Design, DesignSearch
+from cwmav_rbdo.general.oracle import BudgetSpentError, Oracle
+from cwmav_rbdo.general.surrogates import Surrogates
+from cwmav_rbdo.general.variables import RandomSpace
+from cwmav_rbdo.general_problem import GeneralProblem
+from cwmav_rbdo.result import Band, Constraint
+from cwmav_rbdo.sampling import latin_hypercube
+
+Array = NDArray[np.float64]
+
+_POPULATION = 20_000  # points whose sign is asked for in every round
+_FINAL = 1_000_000  # points of the Monte Carlo at the end
+_BLOCK = 50_000
+_DOUBT = 0.03  # share of wrong signs, relative to the allowed failures, that ends the refinement
+_STILL = 2e-3  # relative change of objective, and of the design over its range, that counts as none
+_K = 1.96
+
+
+@dataclass(frozen=True)
+class Round:
+    """One row of the history."""
+
+    iteration: int
+    design: Array
+    objective: float
+    violation: float
+    doubt: tuple[float, ...]
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Design found with its constraints, history and whether the rounds came to rest."""
+
+    design: Design
+    constraints: tuple[Constraint, ...]
+    rounds: tuple[Round, ...]
+    converged: bool
+    message: str
+
+
+def solve_rbdo(problem: GeneralProblem, oracle: Oracle, rng: np.random.Generator) -> Outcome:
+    """Solve a problem of kind ``rbdo``.
+
+    Parameters
+    ----------
+    problem : what to solve
+    oracle : evaluates all constraints at rows of ``RandomSpace(problem).names``
+    rng : source of randomness
+
+    Raises
+    ------
+    WorkError
+        Too few points could be evaluated for a surrogate.
+    """
+    space = RandomSpace(problem)
+    lower, upper = space.box(problem.lower, problem.upper)
+    count = min(max(oracle.budget // 3, 4), 4 * len(lower) + 6)
+    first = oracle(latin_hypercube(count, lower, upper, rng), "initial")
+    if len(first.points) < len(lower) + 2:
+        raise WorkError(
+            f"only {len(first.points)} of {count} points could be evaluated, too few for {len(lower)} "
+            f"variables; the first reason: {(oracle.excluded or ['none'])[0]}"
+        )
+    surrogates = Surrogates(problem.surrogate, first.points, first.values)
+    search = DesignSearch(problem, space, surrogates, rng)
+    population = rng.standard_normal((_POPULATION, space.dimension))
+    rounds: list[Round] = []
+    message = "design and reliabilities came to rest"
+    while True:
+        design = search.optimum()
+        doubt, doubtful = _doubts(problem, space, surrogates, design, population)
+        rounds.append(
+            Round(
+                len(rounds), design.d, design.objective, design.violation, tuple(doubt.tolist()), oracle.calls
+            )
+        )
+        if _at_rest(problem, rounds):
+            break
+        points = _new_points(space, surrogates, design, doubt, doubtful, upper - lower)
+        if len(points) == 0:
+            message = "no point is left that could tell more"
+            break
+        try:
+            answers = oracle(points, "worst and doubtful points")
+        except BudgetSpentError:
+            message = f"stopped at max_true_evaluations {oracle.budget}"
+            break
+        if len(answers.points):
+            surrogates.add(answers.points, answers.values)
+    converged = not message.startswith("stopped") and design.violation <= 0.0
+    constraints = check(problem, space, surrogates, design.d, rng)
+    return Outcome(design, constraints, tuple(rounds), converged, message)
+
+
+def check(
+    problem: GeneralProblem, space: RandomSpace, surrogates: Surrogates, d: Array, rng: np.random.Generator
+) -> tuple[Constraint, ...]:
+    """Monte Carlo of every constraint on its surrogate at a design, with the band of its error."""
+    failures = np.zeros((len(surrogates.models), 3))
+    for first in range(0, _FINAL, _BLOCK):
+        X = space.physical(rng.standard_normal((min(_BLOCK, _FINAL - first), space.dimension)), d)
+        for k, model in enumerate(surrogates.models):
+            mean, std = model.predict(X, return_std=True)
+            failures[k] += [np.count_nonzero(mean + shift * std <= 0.0) for shift in (0.0, -_K, _K)]
+    found = []
+    for k, (middle, most, least) in enumerate(failures / _FINAL):
+        error = np.sqrt(max(middle * (1.0 - middle), 1.0 / _FINAL) / _FINAL)
+        band = Band(1.0 - middle, float(error), 1.0 - most, 1.0 - least, "monte_carlo on the surrogate")
+        target = float(ndtr(problem.beta_targets[k]))
+        found.append(Constraint(problem.constraints[k], band, target))
+    return tuple(found)
+
+
+def _doubts(
+    problem: GeneralProblem, space: RandomSpace, surrogates: Surrogates, design: Design, population: Array
+) -> tuple[Array, list[Array]]:
+    """Give expected wrong signs over allowed failures of each constraint, and its most doubtful point."""
+    X = space.physical(population, design.d)
+    doubt, points = [], []
+    for model, beta in zip(surrogates.models, problem.beta_targets, strict=True):
+        mean, std = model.predict(X, return_std=True)
+        sureness = np.abs(mean) / np.maximum(std, 1e-300)
+        doubt.append(float(np.mean(ndtr(-sureness)) / ndtr(-beta)))
+        points.append(X[int(np.argmin(sureness))])
+    return np.array(doubt), points
+
+
+def _new_points(
+    space: RandomSpace,
+    surrogates: Surrogates,
+    design: Design,
+    doubt: Array,
+    doubtful: list[Array],
+    span: Array,
+) -> Array:
+    """Worst points of the constraints near their limit, then the most doubtful ones; none twice."""
+    kept: list[Array] = []
+
+    def take(x: Array) -> None:
+        known = surrogates.near(x, span) or any(np.all(np.abs(x - y) <= 0.01 * span) for y in kept)
+        if not known:
+            kept.append(x)
+
+    for k in np.flatnonzero(design.active).tolist():
+        x = space.physical(design.worst[k][None], design.d)[0]
+        if design.uncertainty[k] > 0.01:
+            take(x)
+    for k in np.argsort(-doubt).tolist():
+        if doubt[k] > _DOUBT and len(kept) <= np.count_nonzero(design.active):
+            take(doubtful[k])
+    return np.array(kept)
+
+
+def _at_rest(problem: GeneralProblem, rounds: list[Round]) -> bool:
+    if len(rounds) < 2 or max(rounds[-1].doubt) > _DOUBT:
+        return False
+    now, before = rounds[-1], rounds[-2]
+    moved = np.max(np.abs(now.design - before.design) / (problem.upper - problem.lower))
+    changed = abs(now.objective - before.objective) / max(abs(before.objective), 1e-12)
+    return bool(moved <= _STILL and changed <= _STILL)
