@@ -183,11 +183,11 @@ class Assembler:
         if not len(self._held_index):
             return None
         held_rows, held_numbers = self._reduced(self._held_index, self._held)
-        numbers = np.concatenate([*self._bin_numbers, held_numbers])
-        rows = np.concatenate([*self._bins, held_rows])
-        first = int(numbers[0])
-        values = np.full((int(numbers[-1]) - first + 1, len(self.names)), np.nan)
-        values[numbers - first] = rows
+        first = int(self._bin_numbers[0][0]) if self._bin_numbers else int(held_numbers[0])
+        values = np.full((int(held_numbers[-1]) - first + 1, len(self.names)), np.nan)
+        for numbers, rows in zip(self._bin_numbers, self._bins, strict=True):
+            values[numbers - first] = rows
+        values[held_numbers - first] = held_rows
         start, step = self._time_base()
         middle = (first * self._bin + 0.5 * (self._bin - 1)) * step
         expected = self._next - self._anchors[0][0]

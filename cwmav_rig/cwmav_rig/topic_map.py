@@ -28,6 +28,7 @@ ANGLE_TYPES = (
     "geometry_msgs/msg/QuaternionStamped",
 )
 CAMERA_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+CAMERA_INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
 WIND_TYPES = (
     "geometry_msgs/msg/TwistWithCovarianceStamped",
     "geometry_msgs/msg/TwistStamped",
@@ -145,7 +146,7 @@ _TYPES: dict[str, tuple[str, ...]] = {
     "voltage": SCALAR_TYPES,
     "current": SCALAR_TYPES,
     "angle_of_attack": ANGLE_TYPES + CAMERA_TYPES,
-    "camera_info": ("sensor_msgs/msg/CameraInfo",),
+    "camera_info": CAMERA_INFO_TYPES,
     "wind": WIND_TYPES,
     "temperature": TEMPERATURE_TYPES,
     "trigger": TRIGGER_TYPES,
@@ -202,7 +203,23 @@ def resolve(recording: Recording, topic_map: TopicMap | None) -> TopicMap:
         stored = recording.metadata.get(METADATA, {}).get("topic_map")
         topic_map = from_plain(_json(stored, recording), str(recording.path)) if stored else guess(recording)
     check(recording, topic_map)
-    return topic_map
+    return _with_camera_info(recording, topic_map)
+
+
+def camera_info_beside(recording: Recording, image_topic: str) -> str:
+    """Find the CameraInfo of an image topic in the same or the parent namespace; empty when there is none."""
+    namespace = image_topic.rpartition("/")[0]
+    names = {t.name for t in recording.topics.values() if t.type_name in CAMERA_INFO_TYPES}
+    likely = (f"{namespace}/camera_info", f"{namespace.rpartition('/')[0]}/camera_info")
+    return next((name for name in likely if name in names), "")
+
+
+def _with_camera_info(recording: Recording, topic_map: TopicMap) -> TopicMap:
+    role = topic_map.angle_of_attack
+    if not role.topic or role.camera_info or recording.topics[role.topic].type_name not in CAMERA_TYPES:
+        return topic_map
+    role = replace(role, camera_info=camera_info_beside(recording, role.topic))
+    return replace(topic_map, angle_of_attack=role)
 
 
 def check(recording: Recording, topic_map: TopicMap) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from cwmav_common.mcap_io import Batch, Recording, open_recording
 from cwmav_rig import airspeed
 from cwmav_rig.blocks import Assembler, Block, Series, series
 from cwmav_rig.topic_map import CAMERA_TYPES, TopicMap
+
+if TYPE_CHECKING:
+    from cwmav_rig.angle.reader import PictureReader
 
 Array = NDArray[np.float64]
 FORCE_NAMES = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -60,28 +64,12 @@ def load(recording: Recording, topic_map: TopicMap) -> RigData:
     reader = RigReader(topic_map, recording.span_ns[0], str(recording.path))
     for batch in recording.batches(set(topic_map.topics().values())):
         reader.take(batch)
+    if reader.pictures is not None:
+        reader.pictures.require_calibration()
     data = reader.data()
     if topic_map.tare and topic_map.tare != "none":
         return replace(data, tares=_tare_recording(topic_map))
     return data
-
-
-def _picture_topic(recording: Recording, topic_map: TopicMap) -> str:
-    topic = topic_map.angle_of_attack.topic
-    return topic if topic and recording.topics[topic].type_name in CAMERA_TYPES else ""
-
-
-def _angle_from_pictures(recording: Recording, topic_map: TopicMap) -> Series | None:
-    from cwmav_rig.angle.source import (
-        measure_bag,
-        role_settings,
-    )  # OpenCV is large: only where there are pictures
-    from cwmav_rig.angle.stream import as_series
-
-    role = topic_map.angle_of_attack
-    settings = role_settings(role, str(recording.path))
-    found = as_series(measure_bag(recording, role.topic, role.camera_info, settings), recording.span_ns[0])
-    return found if found.samples else None
 
 
 def _tare_recording(topic_map: TopicMap) -> tuple[tuple[float, Array], ...]:
@@ -120,16 +108,12 @@ class RigReader:
         self.roles: dict[str, list[str]] = {}
         for role, topic in topic_map.topics().items():
             self.roles.setdefault(topic, []).append(role)
+        self.pictures: PictureReader | None = None
         self._columns: dict[str, Columns] = {}
 
     def take(self, batch: Batch) -> None:
         """Decode one batch for every role of its topic."""
         type_name = batch.topic.type_name
-        if type_name in CAMERA_TYPES:
-            raise InputError(
-                f"{self.path}: topic {batch.topic.name} holds camera frames; readable for the angle of"
-                " attack are ScalarStamped, Float64 and QuaternionStamped"
-            )
         for role in self.roles[batch.topic.name]:
             if role == "force":
                 self._force(batch)
@@ -139,9 +123,21 @@ class RigReader:
                 self._trigger(batch)
             elif role == "tare":
                 self._tare(batch)
+            elif role == "camera_info":
+                self._picture_reader().take_calibration(batch)
+            elif type_name in CAMERA_TYPES:
+                self._picture_reader().take(batch)
             else:
                 stamps, values = self._samples(batch, _VALUE_PATHS[type_name])
                 self.singles.setdefault(role, []).append((stamps, values))
+
+    def _picture_reader(self) -> PictureReader:
+        if self.pictures is None:
+            # OpenCV is large: it is loaded only where there are pictures.
+            from cwmav_rig.angle.reader import PictureReader
+
+            self.pictures = PictureReader(self.map.angle_of_attack, self.path)
+        return self.pictures
 
     def data(self) -> RigData:
         """Give what was read so far."""
@@ -293,6 +289,8 @@ class RigReader:
         return None if joined is None else series(joined[0], turn(joined[1]))
 
     def _angle(self) -> Series | None:
+        if self.pictures is not None:
+            return self.pictures.series(self.origin)
         role = self.map.angle_of_attack
 
         def turn(values: Array) -> Array:
