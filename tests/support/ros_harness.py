@@ -17,7 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-DEADLINE = 30.0  # s; long, because the machine may be busy; reached only when something is wrong
+DEADLINE = 60.0  # s; long, because the machine may be busy; reached only when something is wrong
 # Below 101, where the ports of a domain cannot meet those the system hands out.
 DOMAIN = 1 + os.getpid() % 100
 _numbers = itertools.count(1)

@@ -156,24 +156,23 @@ class RigNode(Node):
         self._publisher.use(topic_map)
         self._loops = 0
         if not settings.start_paused:
-            self._player.start()
+            self._play(self._player)
 
     def _ros_seconds(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _tick(self) -> None:
         player = self._player
-        if player is None:
+        if player is None or not player.running:
+            self._timer.cancel()  # an idle node does not tick; starting the replay resets the timer
             return
         messages = player.poll()
-        self._cycles.add(messages)
-        if not messages and not player.running:
-            return
         if player.loops != self._loops:
             self._loops = player.loops
             self._restart()
         for message in messages:
             self._publisher.publish(message)
+        self._cycles.add(messages)
         self._counts["messages replayed"] += len(messages)
         if self.settings.publish_clock:
             self._clock_publisher.publish(ClockMessage(clock=time_message(player.recorded_time_ns)))
@@ -196,9 +195,13 @@ class RigNode(Node):
             self._player.pause()
         return response
 
+    def _play(self, player: Player) -> None:
+        player.start()
+        self._timer.reset()
+
     def _resume(self, _: Any, response: Any) -> Any:
         if self._player is not None:
-            self._player.start()
+            self._play(self._player)
         return response
 
     def _seek(self, request: Any, response: Any) -> Any:

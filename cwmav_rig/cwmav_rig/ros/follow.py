@@ -52,12 +52,7 @@ class CycleFollower:
         """Take replayed messages; those of the force go to the search when it is ready for more."""
         with self._lock:
             self._buffer += [message for message in messages if message.topic == self._topic]
-            if self._waiting is None or not self._buffer:
-                return
-            waiting, self._waiting = self._waiting, None
-            content = (self._anew, self._buffer)
-            self._buffer, self._anew = [], False
-        waiting.set_result(content)
+        self._answer()
 
     def restart(self) -> None:
         """Begin anew, as after a jump in the recording."""
@@ -73,7 +68,18 @@ class CycleFollower:
         answer: Future[Any] = Future()
         with self._lock:
             self._waiting = answer
+        self._answer()
         return answer
+
+    def _answer(self) -> None:
+        """Hand over what piled up, if it is waited for."""
+        with self._lock:
+            if self._waiting is None or not self._buffer:
+                return
+            waiting, self._waiting = self._waiting, None
+            content = (self._anew, self._buffer)
+            self._buffer, self._anew = [], False
+        waiting.set_result(content)
 
     def _end(self) -> None:
         with self._lock:

@@ -14,6 +14,7 @@ from cwmav_msgs.msg import PowerBlock, ScalarStamped, WrenchBlock
 from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, Wrench, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
@@ -62,6 +63,7 @@ class RigPublisher:
         """Take the roles of another recording; forget what belonged to the last one."""
         self.map = topic_map
         self._roles = {topic: role for role, topic in topic_map.topics().items()}
+        self._unchanged = self._publishers_of_unchanged(topic_map)
         self.restart()
 
     def restart(self) -> None:
@@ -77,12 +79,25 @@ class RigPublisher:
         role = self._roles.get(message.topic)
         if role is None or role not in _PUBLISHED:
             return
+        unchanged = self._unchanged.get((role, message.type_name))
+        if unchanged is not None:
+            unchanged.publish(bytes(message.data))
+            return
         handler = _HANDLERS.get((role, message.type_name))
         if handler is None:
             key = f"{role} as {message.type_name}"
             self.skipped[key] = self.skipped.get(key, 0) + 1
             return
         handler(self, deserialize_message(message.data, message_class(message.type_name)), message)
+
+    def _publishers_of_unchanged(self, topic_map: TopicMap) -> dict[tuple[str, str], Publisher]:
+        """Tell what goes out byte by byte as it was recorded, because nothing in it has to be changed."""
+        found = {("power", "cwmav_msgs/msg/PowerBlock"): self._power_block}
+        if topic_map.angle_of_attack.gain == 1.0 and topic_map.angle_of_attack.offset_deg == 0.0:
+            found["angle_of_attack", "cwmav_msgs/msg/ScalarStamped"] = self._angle
+        if topic_map.wind.gain == 1.0:
+            found["wind", "geometry_msgs/msg/TwistWithCovarianceStamped"] = self._wind
+        return found
 
     def publish_cycle(self, event: CycleEvent) -> None:
         """Publish the frequency of one flapping cycle."""
@@ -155,9 +170,6 @@ class RigPublisher:
             self._next_view += 1.0 / self.wrench_rate
 
     # --- power ---------------------------------------------------------------------------------------------
-
-    def _take_power_block(self, block: PowerBlock, _: Message) -> None:
-        self._power_block.publish(block)
 
     def _take_battery(self, state: Any, _: Message) -> None:
         # BatteryState counts a discharge as negative; here current flows into the vehicle.
@@ -239,7 +251,6 @@ def _rate(times: tuple[int, ...]) -> float:
 _HANDLERS: dict[tuple[str, str], Callable[[RigPublisher, Any, Message], None]] = {
     ("force", "cwmav_msgs/msg/WrenchBlock"): RigPublisher._take_wrench_block,
     ("force", "geometry_msgs/msg/WrenchStamped"): RigPublisher._take_wrench,
-    ("power", "cwmav_msgs/msg/PowerBlock"): RigPublisher._take_power_block,
     ("power", "sensor_msgs/msg/BatteryState"): RigPublisher._take_battery,
     ("voltage", "cwmav_msgs/msg/ScalarStamped"): RigPublisher._take_voltage,
     ("current", "cwmav_msgs/msg/ScalarStamped"): RigPublisher._take_current,
