@@ -103,6 +103,22 @@ def reliability(
     )
 
 
+@cli.command()
+def reproduce(
+    table: Annotated[str, typer.Argument(help="table1, table3, table5, table6, table7 or all.")],
+    cases: Annotated[Path | None, typer.Option(help="CSV of simulated lifts, for tables 1 and 3.")] = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs that the counts are taken over.")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Put the paper's tables beside ours, with every decision named."""
+    from cwmav_rbdo.reproduction import report
+
+    names = report.chosen(table)
+    found = report.reproduce(names, cases, seed, seeds)
+    emit(found, as_json, report.lines(found))
+
+
 main = main_guard(cli)
 
 if __name__ == "__main__":

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from cwmav_common.errors import InputError
+from cwmav_rbdo.reproduction import report, surface
+from cwmav_rbdo.reproduction.lift_tables import read_cases, reproduce_table1, reproduce_table3
+from cwmav_rbdo.reproduction.study_tables import reproduce_history
+from cwmav_rbdo.reproduction.tables import NAMES, paper_table
+
+BOX = np.array([[4.0, -10.0, 0.0], [30.0, 60.0, 6.0]])
+
+
+def grid(n, u=None):
+    axes = [np.linspace(*BOX[:, k], n) for k in range(3)]
+    if u is not None:
+        axes[2] = np.array([u])
+    return np.stack([m.ravel() for m in np.meshgrid(*axes, indexing="ij")], axis=1)
+
+
+def test_surface_has_both_printed_optima_with_their_values():
+    assert surface.ratio(surface.OPTIMUM_3[None])[0] == pytest.approx(0.1414)
+    assert surface.ratio(surface.OPTIMUM_2[None])[0] == pytest.approx(0.1301)
+    assert surface.ratio(grid(41)).max() <= 0.1414
+    plane = grid(161, u=3.0)
+    best = plane[np.argmax(surface.ratio(plane))]
+    assert np.all(np.abs(best - surface.OPTIMUM_2) <= [0.2, 0.5, 0.0])
+    assert surface.ratio(plane).max() <= 0.1301 + 1e-12
+
+
+def test_lift_and_power_of_the_surface_make_its_ratio():
+    points = grid(9)
+    lift = surface.lift(points)
+    assert lift / surface.law_power(lift, points) == pytest.approx(surface.ratio(points))
+    answer = surface.PaperSurface().submit(np.array([10.0, np.radians(20.0), 3.0])).result()
+    assert answer.lift_to_power == pytest.approx(surface.ratio(np.array([[10.0, 20.0, 3.0]]))[0])
+    assert "paper_surface" in answer.lift_source
+
+
+def test_surface_is_near_table_3():
+    assert surface.table3_deviation() < 0.35
+
+
+def test_tables_of_the_paper_are_complete():
+    assert [len(paper_table(NAMES[f"table{k}"])) for k in (1, 3, 5, 6, 7)] == [2, 8, 5, 7, 4]
+    last = paper_table(NAMES["table6"])[-1]
+    assert (last["F_hz"], last["AoA_deg"], last["U_m_s"]) == (10.4810, 18.2278, 4.1772)
+
+
+def test_table_5_lies_within_one_step_of_the_papers_lattice():
+    found = reproduce_history("table5", seed=0, seeds=1, on_run=lambda: None)
+    assert found["optimum"]["converged"]
+    assert found["optimum"]["within_one_grid_step"]
+    assert found["optimum"]["lift_to_power_n_w"] == pytest.approx(0.1301, rel=0.01)
+    assert [row["iteration"] for row in found["rows"]] == list(range(len(found["rows"])))
+    first = found["rows"][0]
+    assert first["paper"]["F_hz"] == 12.0882
+    assert set(first["paper"]) <= set(first["ours"])
+    assert any("headings of Tables 5 and 6 are exchanged" in d for d in found["decisions"])
+
+
+CASES = "F_hz,U_m_s,AoA_deg,mean_lift_n,lift_std_n,dp_m,preset\n"
+
+
+def test_runs_are_put_beside_table_3_and_table_1_and_gaps_are_said(tmp_path):
+    path = tmp_path / "cases.csv"
+    path.write_text(
+        CASES
+        + "12,3.5,15,0.10,0.001,0.008,coarse\n12,3.5,15,0.15,0.001,0.004,default\n"
+        + "16,3.5,-10,-0.02,,0.008,coarse\n"
+    )
+    cases = read_cases(path)
+    three = reproduce_table3(cases)["rows"]
+    assert three[0]["ours"]["lift_n"] == 0.15  # the finest at that point
+    assert three[0]["difference_percent"] == pytest.approx(100 * (0.15 / 0.1616 - 1))
+    assert three[1]["ours"] is None
+    assert three[1]["note"] == "no result at this point"
+    negative = next(r for r in three if r["paper"]["AoA_deg"] == -10)
+    assert negative["difference_percent_with_minus_sign"] == pytest.approx(100 * (-0.02 + 0.0223) / 0.0223)
+    one = reproduce_table1(cases)["rows"]
+    assert [(r["paper"]["dp_mm"], r["ours"] and r["ours"]["lift_n"]) for r in one[:3]] == [
+        (8, 0.10),
+        (4, 0.15),
+        (2, None),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("F_hz,U_m_s\n1,2\n", "column AoA_deg, mean_lift_n is missing"),
+        (CASES + "12,3.5,x,0.1,,,\n", "line 2: AoA_deg is 'x'; allowed: a number"),
+        (CASES + "12,3.5,,0.1,,,\n", "line 2: an empty cell"),
+    ],
+)
+def test_unusable_file_of_runs_is_refused(tmp_path, text, message):
+    path = tmp_path / "cases.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_cases(path)
+
+
+def test_spacings_cannot_be_compared_without_runs():
+    with pytest.raises(InputError, match="give --cases"):
+        reproduce_table1(None)
+    with pytest.raises(InputError, match="table 'table2' is unknown; allowed: table1, table3"):
+        report.chosen("table2")
