@@ -91,7 +91,7 @@ class Solver:
         )
         self.timers = Timers()
         self._interaction = Interaction(settings, self._grid, self._eos, motion, self.timers)
-        self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0, 0.0)
+        self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0)
         self._sides: Sides | None = None
         self.time = 0.0
         self.steps = 0
@@ -180,10 +180,9 @@ class Solver:
         if nodes is not None:
             speed = max(speed, _largest(nodes.v))
         acceleration = max(_largest(first.acceleration), _largest(second.acceleration))
-        # The speed of sound already stands mach_limit above the expected speed, so the factor of ten in the
-        # acoustic limit would only repeat it; speeds beyond the expected ones still shorten the step.
-        excess = speed if speed > self._speed else 0.0
-        return stable_step(self._settings.resolution.cfl, self._h, self.sound_speed, excess, acceleration)
+        # Speeds beyond the expected ones shorten the step as a higher speed of sound would.
+        signal = max(self.sound_speed, speed / self._settings.fluid.mach_limit)
+        return stable_step(self._settings.resolution.cfl, self._h, signal, acceleration)
 
     @property
     def particles(self) -> int:

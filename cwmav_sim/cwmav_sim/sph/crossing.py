@@ -4,6 +4,8 @@
 After every step the side of each particle is compared with the one before. A particle that changed sides
 inside the outline is put back at a tenth of a spacing on its own side and loses its speed normal to the wall
 relative to it; the wall takes the opposite impulse, so momentum stays balanced, and the event is counted.
+A distance that jumps by more than a quarter of a spacing within a step is no motion: near an edge or a bend
+another part of the wall has become the nearest one.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _BACK = 0.1  # spacings
+_JUMP = 0.25  # spacings
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: f
         now.inside,
         now.normal,
         _BACK * dp,
+        _JUMP * dp,
         dt,
         count,
         impulse,
@@ -71,6 +75,7 @@ def _put_back(
     inside: NDArray,
     normal: NDArray,
     back: float,
+    jump: float,
     dt: float,
     count: IntArray,
     impulse: FloatArray,
@@ -78,7 +83,9 @@ def _put_back(
     for c in range(count.shape[0]):
         for i in range(x.shape[0]):
             s0, s1 = signed_before[c, i], signed[c, i]
-            if s0 * s1 >= 0.0 or inside_before[c, i] * abs(s1) + inside[c, i] * abs(s0) <= 0.0:
+            if s0 * s1 >= 0.0 or abs(s1 - s0) > jump:
+                continue
+            if inside_before[c, i] * abs(s1) + inside[c, i] * abs(s0) <= 0.0:
                 continue
             side = 1.0 if s0 > 0.0 else -1.0
             count[c] += 1

@@ -5,7 +5,7 @@ The wall hides the other half of the support. That half is filled, along every r
 a mirror state and integrated exactly: for a surface element dS with unit normal n at distance r from the
 particle, e the unit vector from the element to the particle and d the dimension,
 
-    omega = |n.e| dS / r^(d-1)                                      (solid angle)
+    omega = |n.e| dS / r^(d-1)                  (solid angle, at most that of a half space)
     G0 = integral W' s^(d-1) ds = -5 A h^(d-1) J_d(r/h)             from r to 2h
     G1 = integral W' s^d ds     = -5 A h^d J_(d+1)(r/h)
     C  = integral W' s^(d-2) ds = -5 A h^(d-2) J_(d-1)(r/h)
@@ -50,8 +50,9 @@ ELEMENT_ROWS = 11
     ZERO,
     THREE_D,
     TINY,
-) = range(15)
-COEFFICIENTS = 15  # first place of the three polynomials of five factors each
+    HALF_SPACE,
+) = range(16)
+COEFFICIENTS = 16  # first place of the three polynomials of five factors each
 
 
 def wall_constants(
@@ -63,7 +64,7 @@ def wall_constants(
     density: float,
     dtype: np.dtype,
 ) -> NDArray:
-    """Return the constants of the wall sums in the precision of the pairs, shape (30,)."""
+    """Return the constants of the wall sums in the precision of the pairs, shape (31,)."""
     h, d = kernel.h, kernel.dimensions
     five_a = -5.0 * kernel.amplitude
     head = [
@@ -82,6 +83,7 @@ def wall_constants(
         0.0,
         1.0 if d == 3 else 0.0,
         1e-6 * dp,
+        np.pi * (d - 1),
     ]
     polynomials = np.zeros((3, 5))
     for row, k in enumerate((d, d + 1, d - 1)):
@@ -103,7 +105,7 @@ def sum_wall(a, buf, area, n, k):
         Area of each element, zero where hidden by another wall.
     n : int
         Entries to use.
-    k : ndarray, shape (30,)
+    k : ndarray, shape (31,)
         Wall constants.
 
     Returns
@@ -117,6 +119,7 @@ def sum_wall(a, buf, area, n, k):
     nearest_inverse = one / k[NEAREST]
     g0_factor, g1_factor, c_factor = k[G0_FACTOR], k[G1_FACTOR], k[C_FACTOR]
     sound, approach, tiny, three_d = k[SOUND], k[APPROACH], k[TINY], k[THREE_D]
+    half_space = k[HALF_SPACE]
     rho = k[RHO0] + da
     over_rho = one / rho
     a0, a1, a2, a3 = k[COEFFICIENTS], k[COEFFICIENTS + 1], k[COEFFICIENTS + 2], k[COEFFICIENTS + 3]
@@ -145,7 +148,7 @@ def sum_wall(a, buf, area, n, k):
         near = min(inverse, nearest_inverse)
         ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
         ne = normal_x[j] * ex + normal_y[j] * ey + normal_z[j] * ez
-        omega = abs(ne) * area[j] * inverse * (three_d * inverse + (one - three_d))
+        omega = min(abs(ne) * area[j] * inverse * (three_d * inverse + (one - three_d)), half_space)
         du, dv, dw = ua - u[j], va - v[j], wa - w[j]
         away = du * ex + dv * ey + dw * ez
         div += omega * away * max(g1 * near, four * g0)
