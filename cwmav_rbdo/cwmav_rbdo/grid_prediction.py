@@ -13,9 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_rbdo.kriging import Kriging
+from cwmav_rbdo.threads import for_each_block
 from cwmav_rbdo.trend import terms
 
 Array = NDArray[np.float64]
+
+
+BLOCK = 1 << 18
+"""Nodes computed at once in double precision."""
 
 
 def predict_on_grid(model: Kriging, axes: Sequence[Array]) -> NDArray[np.float32]:
@@ -54,8 +59,12 @@ def predict_on_grid(model: Kriging, axes: Sequence[Array]) -> NDArray[np.float32
     for factor in factors[1:]:
         rest = (rest[:, None, :] * factor[None, :, :]).reshape(-1, len(coefficients))
     out = np.empty((shape[0], len(rest)), dtype=np.float32)
-    for row, first in enumerate(factors[0]):
-        out[row] = rest @ first
+    rows = max(BLOCK // len(rest), 1)
+
+    def fill(block: slice) -> None:
+        out[block] = factors[0][block] @ rest.T
+
+    for_each_block(fill, [slice(start, start + rows) for start in range(0, shape[0], rows)])
     out *= np.float32(model.y_scale_)
     out += np.float32(model.y_offset_)
     return out.reshape(shape)

@@ -89,7 +89,8 @@ def active_learning(
             found = learner.estimate(rng)
             doubt = found.std / max(found.value, 1e-300)
             raise WorkError(
-                f"active learning: {s.largest} evaluations leave {doubt:.0%} doubt about the estimate {found.value:.3g}"
+                f"active learning: {s.largest} evaluations leave {doubt:.0%} doubt about the estimate "
+                f"{found.value:.3g}"
             )
         point = learner.most_doubtful()
         learner.learn(point, evaluate(point))
