@@ -78,7 +78,7 @@ def optimise(text: str, seed: int, folder: str, resume: bool, channel: Channel) 
     evaluator = noise = None
     if isinstance(problem, WingProblem) and problem.evaluate == "ros":
         evaluator = AskingEvaluator(channel)
-        noise = _noise(problem, channel)
+        noise = None if resume else _noise(problem, channel)  # a resumed run keeps the noise it began with
     return run_study(
         problem,
         evaluator,

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[3]
 _IMPORT_ALL = """
 import importlib, pkgutil, sys
 
-BLOCKED = ("rclpy", "cwmav_msgs", "std_msgs", "geometry_msgs", "sensor_msgs", "rcl_interfaces", "builtin_interfaces")
+BLOCKED = ("rclpy", "cwmav_msgs", "std_msgs", "geometry_msgs", "sensor_msgs", "rcl_interfaces")
 
 class Block:
     def find_spec(self, name, path=None, target=None):
