@@ -178,15 +178,20 @@ class Assembler:
         self._next = int(index[-1]) + 1
         self._add(index.astype(np.int64), np.asarray(data, np.float64)[fresh])
 
-    def finish(self) -> Block | None:
-        """Give the block of all samples so far; None when there were none. More may be added afterwards."""
+    def finish(self, *, last: bool = False) -> Block | None:
+        """Give the block of all samples so far; None when there were none.
+
+        More may be added afterwards, unless this is the `last` call, which keeps no copy.
+        """
         if not len(self._held_index):
             return None
         held_rows, held_numbers = self._reduced(self._held_index, self._held)
         first = int(self._bin_numbers[0][0]) if self._bin_numbers else int(held_numbers[0])
         values = np.full((int(held_numbers[-1]) - first + 1, len(self.names)), np.nan)
-        for numbers, rows in zip(self._bin_numbers, self._bins, strict=True):
+        for k, (numbers, rows) in enumerate(zip(self._bin_numbers, self._bins, strict=True)):
             values[numbers - first] = rows
+            if last:
+                self._bins[k] = rows[:0]
         values[held_numbers - first] = held_rows
         start, step = self._time_base()
         middle = (first * self._bin + 0.5 * (self._bin - 1)) * step

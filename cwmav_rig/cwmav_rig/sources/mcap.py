@@ -36,6 +36,8 @@ _VALUE_PATHS: dict[str, tuple[str, ...]] = {
     "sensor_msgs/msg/Temperature": ("temperature",),
     "sensor_msgs/msg/BatteryState": ("voltage", "current"),
 }
+BIN_RATE, LONG_BIN_RATE = 1000.0, 500.0  # Hz, of force and power as kept; a long recording is kept coarser
+LONG = 900.0  # s
 _SINGLE_SAMPLES = 4096  # single samples collected before they are assembled
 
 
@@ -61,12 +63,14 @@ def load(recording: Recording, topic_map: TopicMap) -> RigData:
     InputError
         A role is recorded in a form that cannot be read.
     """
-    reader = RigReader(topic_map, recording.span_ns[0], str(recording.path))
+    begin, end = recording.span_ns
+    rate = LONG_BIN_RATE if (end - begin) * 1e-9 > LONG else BIN_RATE
+    reader = RigReader(topic_map, begin, str(recording.path), rate)
     for batch in recording.batches(set(topic_map.topics().values())):
         reader.take(batch)
     if reader.pictures is not None:
         reader.pictures.require_calibration()
-    data = reader.data()
+    data = reader.data(last=True)
     if topic_map.tare and topic_map.tare != "none":
         return replace(data, tares=_tare_recording(topic_map))
     return data
@@ -92,15 +96,18 @@ class RigReader:
         Time that counts as zero [ns].
     source
         Name of the recording, for messages.
+    bin_rate
+        Rate [Hz] at which force and power are kept.
     """
 
-    def __init__(self, topic_map: TopicMap, origin_ns: int, source: str) -> None:
+    def __init__(self, topic_map: TopicMap, origin_ns: int, source: str, bin_rate: float = BIN_RATE) -> None:
         self.map = topic_map
         self.origin = origin_ns
         self.path = source
         self.undecodable = 0
-        self.force = Assembler(FORCE_NAMES)
-        self.power = Assembler(POWER_NAMES)
+        self.bin_rate = bin_rate
+        self.force = Assembler(FORCE_NAMES, bin_rate)
+        self.power = Assembler(POWER_NAMES, bin_rate)
         self.singles: dict[str, list[tuple[Array, Array]]] = {}
         self.pending: dict[str, list[tuple[Array, Array]]] = {}
         self.edges: dict[str, dict[int, float]] = {}
@@ -139,14 +146,14 @@ class RigReader:
             self.pictures = PictureReader(self.map.angle_of_attack, self.path)
         return self.pictures
 
-    def data(self) -> RigData:
-        """Give what was read so far."""
+    def data(self, *, last: bool = False) -> RigData:
+        """Give what was read so far; after the `last` call no more can be read, and no copy is kept."""
         self._release("force", self.force, least=0)
         electrical = self._electrical()
         return RigData(
             origin_ns=self.origin,
-            force=self.force.finish(),
-            power=self.power.finish() if electrical is None else electrical,
+            force=self.force.finish(last=last),
+            power=self.power.finish(last=last) if electrical is None else electrical,
             angle=self._angle(),
             wind=self._wind(),
             edges=self.edges,
@@ -340,7 +347,7 @@ class RigReader:
             stamps, voltage = parts[0][0], self.map.voltage.gain * parts[0][1][:, 0]
             flow = series(parts[1][0], self.map.current.gain * parts[1][1][:, 0])
             current = np.interp(stamps, flow.time, flow.values)
-        assembler = Assembler(POWER_NAMES)
+        assembler = Assembler(POWER_NAMES, self.bin_rate)
         assembler.add_samples(stamps, np.stack([voltage, current, voltage * current], axis=1))
         return assembler.finish()
 

@@ -2,6 +2,7 @@
 """MCAP files of any writer, whole or damaged."""
 
 import random
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -200,3 +201,23 @@ def test_new_messages_take_mappings_and_refuse_unknown_fields():
         interfaces.new(SCALAR, nope=1)
     with pytest.raises(InputError, match="are no cwmav_msgs"):
         interfaces.deserialise(b"\0\1\0\0abc", SCALAR)
+
+
+def test_only_one_piece_is_in_memory_at_a_time(tmp_path):
+    kind = "cwmav_msgs/msg/WrenchBlock"
+    rng = np.random.default_rng(0)
+    path = tmp_path / "long.mcap"
+    with BagWriter(path, chunk_size=100_000) as bag:
+        for k in range(200):
+            bag.write("/ft", kind, interfaces.new(kind, data=rng.standard_normal(6000)), k)
+    assert path.stat().st_size > 4_000_000
+    with open_recording(path) as recording:
+        next(iter(recording.batches()))  # whatever is imported or compiled once
+        tracemalloc.start()
+        try:
+            assert sum(len(batch.starts) for batch in recording.batches()) == 200
+            assert sum(1 for _ in recording.messages()) == 200
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+    assert peak < 1_000_000
