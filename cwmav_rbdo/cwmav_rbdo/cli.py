@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from cwmav_common.cli import app, emit, main_guard, message
-from cwmav_common.errors import InputError
+from cwmav_common.errors import InputError, WorkError
 
 cli = app("cwmav-rbdo", "Reliability-based design optimisation: the wing study, and problems given as files.")
 
@@ -101,6 +101,43 @@ def reliability(
             f"{result['true_evaluations']} evaluations, {result['method']}"
         ],
     )
+
+
+@cli.command()
+def benchmark(
+    name: Annotated[str, typer.Argument(help="One published problem; none: all of them.")] = "",
+    list_only: Annotated[bool, typer.Option("--list", help="Only list the names.")] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Solve published problems and compare with their brute-force optima; status 1 when one is missed."""
+    from cwmav_common.progress import progress
+    from cwmav_rbdo.benchmarks import benchmark_names, benchmark_problem, run_benchmark
+
+    names = benchmark_names()
+    if list_only:
+        emit({"names": names}, as_json, names)
+        return
+    if name:
+        names = [benchmark_problem(name).id]
+    rows = []
+    with progress(len(names), "benchmark", "problem") as bar:
+        for each in names:
+            rows.append(run_benchmark(each, seed))
+            bar.update(1, each)
+    single = rows[0] if name else None
+    lines = [
+        f"{row.name:28} {row.objective:12.6g}  reference {row.reference_objective:12.6g}  "
+        f"{row.true_evaluations:4d} of {row.allowed_evaluations} evaluations  "
+        f"{'passed' if row.passed else 'MISSED'} {row.error}".rstrip()
+        for row in rows
+    ]
+    emit(
+        vars(single) if single else {"problems": rows, "passed": all(r.passed for r in rows)}, as_json, lines
+    )
+    missed = [row.name for row in rows if not row.passed]
+    if missed:
+        raise WorkError(f"missed: {', '.join(missed)}")
 
 
 @cli.command()

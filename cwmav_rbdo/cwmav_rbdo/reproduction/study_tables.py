@@ -36,7 +36,7 @@ DECISIONS = (
     "the optimum of every iteration is evaluated, as Eq. 12 needs, and then is a sample",
     "swarm of Table 4, ended after 60 iterations without progress",
     "reliability is exact quadrature on the mean surface; the printed values imply a scatter of L/P of 0.003 "
-    "to 0.005 N/W at the optimum, which a smooth surface at its maximum cannot have under the printed scatter",
+    "to 0.005 N/W at the optimum, which a smooth maximum cannot have under the printed scatter",
     "requirement 0.9974 as printed (two-sided three sigma would be 0.9973)",
 )
 
