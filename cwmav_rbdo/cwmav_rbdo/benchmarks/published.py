@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solves published problems with default settings and judges the answers by the formulas themselves.
 
-Passing means, for ``rbdo``: the objective within 0.5 % of the brute-force optimum and every reliability index,
-by Monte Carlo on the formulas, no lower than its target by more than 0.05 (and no higher where it is active at
-the optimum), in no more evaluations than a tenth of those of the classical method where that needs more than
-400, else no more than it. For ``reliability``: within 5 % of the exact or brute-force probability. For
-``global``: within 0.01 of the known least value.
+Passing means, for ``rbdo``: the objective within 0.5 % of the brute-force optimum and every reliability
+index, by Monte Carlo on the formulas, no lower than its target by more than 0.05 (and no higher where it is
+active at the optimum), in no more evaluations than a tenth of those of the classical method where that
+needs more than 400, else no more than it. For ``reliability``: within 5 % of the exact or brute-force
+probability. For ``global``: within 0.01 of the known least value.
 """
 
 from __future__ import annotations
