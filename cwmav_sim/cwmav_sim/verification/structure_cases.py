@@ -6,6 +6,7 @@ from __future__ import annotations
 from cwmav_sim.verification.protocol import VerificationCase
 from cwmav_sim.verification.structure_film import DrumFrequencies, FilmPatch
 from cwmav_sim.verification.structure_flag import FlagAtRest, FlagSwinging
+from cwmav_sim.verification.structure_models import LatticeAgainstMembrane
 from cwmav_sim.verification.structure_rod import LargeDeflection, RodEnergy, RodFrequencies
 
 
@@ -19,4 +20,5 @@ def structure_cases() -> tuple[VerificationCase, ...]:
         RodEnergy(),
         FlagAtRest(),
         FlagSwinging(),
+        LatticeAgainstMembrane(),
     )
