@@ -28,14 +28,6 @@ def test_every_row_has_the_settings_of_its_preset(rows):
         assert case_of(row).address(row["solver"]) == row["address"]
 
 
-def test_table_covers_the_slice_of_the_two_variable_study(rows):
-    points = [(float(r["F_hz"]), float(r["AoA_deg"])) for r in rows if float(r["U_m_s"]) == 3.0]
-    assert len(points) >= 7
-    for column, low, high in zip(zip(*points, strict=True), (10, 5), (24, 45), strict=True):
-        assert min(column) < low
-        assert max(column) > high
-
-
 def test_lift_grows_with_the_angle_of_attack():
     table = LiftTable.bundled()
     by_angle = [table.lift(16.0, math.radians(a), 3.0).lift for a in (5, 10, 20, 30)]
