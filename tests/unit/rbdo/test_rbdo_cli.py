@@ -2,6 +2,7 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,51 @@ def test_reliability_gives_only_the_failure_probability(tmp_path):
     assert set(result) >= {"pf", "pf_std", "beta", "true_evaluations", "method"}
     assert result["beta"] == pytest.approx(3.0, abs=0.03)
     assert not (tmp_path / "runs").exists()
+
+
+WING = {
+    "id": "wing",
+    "kind": "lift_to_power",
+    "design": [{"name": "F", "lo": 4, "hi": 30}, {"name": "AoA", "lo": -10, "hi": 60}],
+    "fixed": {"U": 3.0},
+    "noise": {"F": 0.153, "AoA": 0.462, "U": 0.05},
+    "require": {"lift_to_power": 0.05},
+    "method": "zhang2026",
+    "evaluate": "table",
+    "max_iterations": 2,
+    "swarm": {"particles": 100, "iterations": 60, "patience": 15},
+}
+
+
+def test_wing_study_on_the_bundled_table_survives_a_kill(tmp_path):
+    path = write(tmp_path, WING)
+    whole = program("run", path, "--seed", "3", "--runs", "whole", "--json", cwd=tmp_path)
+    assert whole.returncode == 0, whole.stderr
+    expected = json.loads(whole.stdout)
+    assert set(expected["design"]) == {"F", "AoA"}
+    assert "lift table" in (tmp_path / expected["run_folder"] / "report.html").read_text()
+    victim = subprocess.Popen(
+        [sys.executable, "-m", "cwmav_rbdo.cli", "run", str(path), "--seed", "3", "--runs", "killed"],
+        cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    deadline = time.monotonic() + 240
+    while time.monotonic() < deadline:
+        journals = list((tmp_path / "killed").glob("*/journal/journal.jsonl"))
+        if journals and journals[0].read_bytes().count(b'"answer"') >= 3:
+            break
+        time.sleep(0.02)
+    victim.kill()
+    victim.wait()
+    resumed = program("run", path, "--resume", "--runs", "killed", "--json", cwd=tmp_path)
+    assert resumed.returncode == 0, resumed.stderr
+    result = json.loads(resumed.stdout)
+    assert {k: v for k, v in result.items() if k != "run_folder"} == {
+        k: v for k, v in expected.items() if k != "run_folder"
+    }
+    entries = [json.loads(line) for line in journals[0].read_text().splitlines()]
+    asked = [entry["id"] for entry in entries if entry["kind"] == "request"]
+    answered = [entry["id"] for entry in entries if entry["kind"] == "answer"]
+    assert sorted(asked) == sorted(answered) == list(range(expected["true_evaluations"]))
 
 
 @pytest.mark.parametrize(
