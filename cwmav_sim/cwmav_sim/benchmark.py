@@ -92,11 +92,11 @@ def measure(particles: int, seconds: float = 10.0) -> Figures:
 def sized_case(particles: int) -> Case:
     """Return the half model with the spacing that fills its box with about ``particles`` particles."""
     base = cases.preset("smoke")
-    box = base.flow.box
+    box = cases.preset("coarse").flow.box  # roomy enough for large spacings
     dp = (0.5 * box.length * box.width * box.height / particles) ** (1.0 / 3.0)
     gap = math.degrees(math.asin(min(0.3, 2.0 * dp / (1.4 * base.wing.length))))
     kinematics = replace(base.kinematics, clap_half_gap_deg=max(gap, 2.5))
     resolution = replace(base.flow.resolution, dp=dp)
     return replace(
-        base, preset="bench", kinematics=kinematics, flow=replace(base.flow, resolution=resolution)
+        base, preset="bench", kinematics=kinematics, flow=replace(base.flow, resolution=resolution, box=box)
     )
