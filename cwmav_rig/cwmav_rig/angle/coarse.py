@@ -16,6 +16,8 @@ from cwmav_rig.angle.settings import AngleSettings
 Array = NDArray[np.float64]
 
 _LARGEST_SIDE = 320  # px of the reduced picture
+# The smoothed gradient of white noise has a standard deviation of 0.12 of it; votes need five times that.
+_GRADIENT_NOISE = 0.6
 _SPREAD = np.arange(-4, 5)  # degrees around the gradient direction that a pixel votes for
 
 
@@ -73,7 +75,7 @@ def _gradient_pixels(
     gx = cv2.Scharr(small, cv2.CV_32F, 1, 0, scale=1 / 32)
     gy = cv2.Scharr(small, cv2.CV_32F, 0, 1, scale=1 / 32)
     magnitude = np.asarray(cv2.magnitude(gx, gy))
-    wanted = magnitude > max(2.0 * noise, 0.2 * float(np.percentile(magnitude[::2, ::2], 99.8)))
+    wanted = magnitude > max(_GRADIENT_NOISE * noise, 0.2 * float(np.percentile(magnitude[::2, ::2], 99.8)))
     if settings.edge != "strongest":
         bright_above = (settings.body == "dark") == (settings.edge == "upper")
         wanted &= (gy < 0) if bright_above else (gy > 0)

@@ -78,7 +78,7 @@ class _Places:
 
 
 def _wanted(topics: Path | None, settings: Path | None, topic: str, info_topic: str) -> _Wanted:
-    from cwmav_rig.angle.source import role_settings
+    from cwmav_rig.angle.reader import role_settings
 
     if topics is None:
         return _Wanted(load_yaml(AngleSettings, settings) if settings else AngleSettings(), topic, info_topic)

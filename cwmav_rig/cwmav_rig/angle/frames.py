@@ -157,13 +157,14 @@ def _bag_frames(recording: Recording, topic: str, type_name: str, info_topic: st
             yield frame_of(message.data, type_name, message.log_time_ns, index, name)
             index += 1
             continue
-        signature = _signature(interfaces.deserialise(message.data, CAMERA_INFO))
+        signature = calibration_signature(interfaces.deserialise(message.data, CAMERA_INFO))
         first = first or signature
         if signature != first:
             raise InputError(f"{recording.path}: the calibration on {info_topic} changes at frame {index}")
 
 
-def _signature(info: Any) -> tuple[Any, ...]:
+def calibration_signature(info: Any) -> tuple[Any, ...]:
+    """Give everything in a CameraInfo that matters, to recognise a change."""
     roi = info.roi
     return (
         info.width, info.height, info.distortion_model, *info.k, *info.d, *info.r,
@@ -203,14 +204,6 @@ def _image_topic(recording: Recording, topic: str) -> str:
             f"{recording.path}: topic {topic} is {topics[topic].type_name}; allowed: {', '.join(IMAGE_TYPES)}"
         )
     return topics[topic].type_name
-
-
-def camera_info_topic(recording: Recording, image_topic: str) -> str | None:
-    """Find the CameraInfo beside an image topic: ``camera_info`` in the same or the parent namespace."""
-    namespace = image_topic.rpartition("/")[0]
-    parents = (namespace, namespace.rpartition("/")[0])
-    known = {topic.name for topic in recording.topics.values() if topic.type_name == CAMERA_INFO}
-    return next((f"{parent}/camera_info" for parent in parents if f"{parent}/camera_info" in known), None)
 
 
 def bag_camera(recording: Recording, topic: str) -> CalibratedCamera | None:

@@ -7,15 +7,13 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import Recording, open_recording
 from cwmav_rig.angle.camera_model import CalibratedCamera, load_camera
 from cwmav_rig.angle.folder import folder_frames, list_pictures
-from cwmav_rig.angle.frames import Frame, bag_camera, bag_frames, camera_info_topic, image_topics
-from cwmav_rig.angle.settings import AngleSettings
-from cwmav_rig.angle.stream import AngleStream, measure_frames
+from cwmav_rig.angle.frames import Frame, bag_camera, bag_frames, image_topics
+from cwmav_rig.topic_map import camera_info_beside
 
 
 @dataclass(frozen=True)
@@ -81,56 +79,6 @@ def open_source(
     return _bag_source(open_recording(path), topic, info_topic, lens)
 
 
-class CameraRole(Protocol):
-    """The part of the topic map that says how camera frames become angles."""
-
-    @property
-    def gain(self) -> float:
-        """Factor on angles that were recorded as numbers."""
-
-    @property
-    def offset_deg(self) -> float:
-        """Offset of angles that were recorded as numbers."""
-
-    @property
-    def camera(self) -> AngleSettings:
-        """Settings of the measurement."""
-
-
-def role_settings(role: CameraRole, source: str) -> AngleSettings:
-    """Give the settings of the measurement that a topic map holds.
-
-    Raises
-    ------
-    InputError
-        The map also has a gain or an offset, which pictures do not need.
-    """
-    if role.gain != 1.0 or role.offset_deg != 0.0:
-        raise InputError(
-            f"{source}: angle_of_attack has gain {role.gain:g} and offset_deg {role.offset_deg:g}; "
-            "for camera frames use camera.nose, camera.camera_roll_deg and camera.edge_to_axis_deg"
-        )
-    return role.camera
-
-
-def measure_bag(recording: Recording, topic: str, info_topic: str, settings: AngleSettings) -> AngleStream:
-    """Measure the angle of attack on one image topic of a recording that is open already.
-
-    Parameters
-    ----------
-    info_topic
-        CameraInfo topic; the one beside `topic` is taken when empty.
-
-    Raises
-    ------
-    InputError
-        The topics hold nothing of the kind, or settings do not fit the pictures.
-    """
-    beside = info_topic or camera_info_topic(recording, topic)
-    lens = bag_camera(recording, beside) if beside else None
-    return measure_frames(bag_frames(recording, topic, beside), settings, lens)
-
-
 def _is_picture_folder(path: Path) -> bool:
     return path.is_dir() and not (path / "metadata.yaml").exists() and not any(path.glob("*.mcap"))
 
@@ -147,7 +95,7 @@ def _bag_source(
 ) -> Iterator[Source]:
     with recording:
         name = topic or _only_image_topic(recording)
-        beside = info_topic or (camera_info_topic(recording, name) if lens is None else None)
+        beside = info_topic or (camera_info_beside(recording, name) if lens is None else "")
         if lens is None and beside:
             lens = bag_camera(recording, beside)
         frames = bag_frames(recording, name, beside or None)

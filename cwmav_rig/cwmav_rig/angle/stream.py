@@ -152,49 +152,60 @@ def measure_frames(
     on_frame
         Called with every frame and its result, for overlays and progress.
     """
-    results = _Collector()
-    previous: Grey | None = None
+    collector = Collector(settings)
     for frame in frames:
-        result = measure_frame(frame, settings, camera, previous)
-        previous = frame.picture if frame.picture is not None else previous
-        results.add(frame, result)
+        result = collector.take(frame, camera)
         if on_frame is not None:
             on_frame(frame, result)
-    return results.stream(settings)
+    return collector.stream()
 
 
-class _Collector:
-    """Grows columns; the pictures and points of a frame are let go."""
+class Collector:
+    """Measures frames and grows columns of results; pictures and points are let go.
 
-    def __init__(self) -> None:
-        self.stamps: list[int] = []
-        self.numbers: list[int | None] = []
-        self.rows: list[tuple[float, ...]] = []
-        self.points: list[int] = []
-        self.refusals: list[Refusal] = []
+    Parameters
+    ----------
+    settings
+        Of the measurement.
+    """
 
-    def add(self, frame: Frame, result: FrameAngle) -> None:
+    def __init__(self, settings: AngleSettings) -> None:
+        self.settings = settings
+        self._previous: Grey | None = None
+        self._stamps: list[int] = []
+        self._numbers: list[int | None] = []
+        self._rows: list[tuple[float, ...]] = []
+        self._points: list[int] = []
+        self._refusals: list[Refusal] = []
+
+    def take(self, frame: Frame, camera: Camera | None) -> FrameAngle:
+        """Measure one frame and keep its numbers."""
+        result = measure_frame(frame, self.settings, camera, self._previous)
+        if frame.picture is not None:
+            self._previous = frame.picture
         evidence = result.evidence
-        self.stamps.append(frame.stamp_ns)
-        self.numbers.append(frame.number)
+        self._stamps.append(frame.stamp_ns)
+        self._numbers.append(frame.number)
         qualities = [float(getattr(evidence, name)) if evidence else np.nan for name in QUALITIES]
-        self.rows.append((result.angle, result.std, *qualities))
-        self.points.append(int((evidence.weights > 0).sum()) if evidence else 0)
+        self._rows.append((result.angle, result.std, *qualities))
+        self._points.append(int((evidence.weights > 0).sum()) if evidence else 0)
         if result.reason is not None:
-            self.refusals.append(Refusal(result.index, result.stamp_ns, str(result.reason), result.text))
+            self._refusals.append(Refusal(result.index, result.stamp_ns, str(result.reason), result.text))
+        return result
 
-    def stream(self, settings: AngleSettings) -> AngleStream:
-        table = np.array(self.rows, dtype=float).reshape(-1, 2 + len(QUALITIES))
-        stamps = np.array(self.stamps, dtype=np.int64)
+    def stream(self) -> AngleStream:
+        """Give everything so far."""
+        table = np.array(self._rows, dtype=float).reshape(-1, 2 + len(QUALITIES))
+        stamps = np.array(self._stamps, dtype=np.int64)
         return AngleStream(
             stamps_ns=stamps,
             angle=table[:, 0],
             std=table[:, 1],
-            points=np.array(self.points, dtype=np.int64),
+            points=np.array(self._points, dtype=np.int64),
             quality={name: table[:, 2 + k] for k, name in enumerate(QUALITIES)},
-            refusals=tuple(self.refusals),
-            timing=frame_timing(stamps, self.numbers),
-            systematic_std=settings.systematic_std,
+            refusals=tuple(self._refusals),
+            timing=frame_timing(stamps, self._numbers),
+            systematic_std=self.settings.systematic_std,
         )
 
 

@@ -128,8 +128,8 @@ class Renderer:
     def _light(self, pose: Pose) -> Array:
         scene = self.scene
         travel = abs(pose.sweep) * scene.body_length_px / 2 + float(np.hypot(*pose.drift))
-        # Poses an eighth of a pixel apart at the most are a continuous smear to a sensor with pixels.
-        count = 1 if travel == 0.0 else int(np.clip(np.ceil(8 * travel), 2, 64))
+        # Poses a quarter of a pixel apart at the most are a continuous smear to a sensor with pixels.
+        count = 1 if travel == 0.0 else int(np.clip(np.ceil(4 * travel), 3, 100))
         moments = (np.arange(count) + 0.5) / count - 0.5
         angle = pose.angle + moments * pose.sweep
         poses = np.column_stack(
@@ -150,7 +150,7 @@ class Renderer:
         turn = np.pi / 2 + np.array([1.0, -1.0]) * pose.stroke * np.deg2rad(scene.rod_sweep_deg)
         rods = np.column_stack([np.cos(turn), np.sin(turn)])
         levels = np.array([scene.background, scene.body, scene.marker])
-        return np.asarray(scene_light(self._grid, poses, shape, levels, rods))
+        return np.asarray(scene_light(self._grid, poses, shape, levels, rods, travel))
 
 
 def _ideal_grid(scene: Scene, optics: Optics, camera: CalibratedCamera | None) -> Array:
