@@ -32,6 +32,11 @@ class ClockFit:
     residual: float
     edges: int
 
+    @property
+    def offset_std(self) -> float:
+        """Standard uncertainty of the offset from the scatter of the edges [s]; the worst over the record."""
+        return 2.0 * self.residual / float(np.sqrt(max(self.edges, 1)))
+
     def to_reference(self, reading: Array) -> Array:
         """Turn readings of this clock into readings of the reference."""
         return (reading - self.offset) / (1.0 + self.skew)
@@ -56,3 +61,21 @@ def fit_clock(reference: dict[int, float], other: dict[int, float]) -> ClockFit 
             keep[:] = True
     spread = float(residual[keep].std(ddof=2)) if keep.sum() > 2 else 0.0
     return ClockFit(float(offset), float(skew), spread, int(keep.sum()))
+
+
+def renumbered(reference: dict[int, float], other: dict[int, float]) -> dict[int, float]:
+    """Give edges [s] without numbers those of the nearest reference edges, the mean offset removed.
+
+    So an edge that one instrument missed does not shift the numbers of all later ones. Offsets must be
+    shorter than half the time between edges.
+    """
+    if not reference or not other or reference is other:
+        return other
+    numbers = np.array(sorted(reference, key=lambda k: reference[k]))
+    times = np.array([reference[k] for k in numbers])
+    stamps = np.array(sorted(other.values()))
+    offset = 0.0
+    for _ in range(2):
+        nearest = np.abs(stamps[:, None] - offset - times[None]).argmin(axis=1)
+        offset = float(np.median(stamps - times[nearest]))
+    return {int(numbers[k]): float(stamp) for k, stamp in zip(nearest.tolist(), stamps, strict=True)}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a recording to the scatter of the controls, lift and power: the whole line on one page.
 
-read -> align clocks -> find cycles -> values per cycle -> spread with interval and distribution.
+read -> align clocks -> find cycles -> values per cycle -> spread, correlation, budget.
 """
 
 from __future__ import annotations
@@ -17,72 +17,53 @@ from numpy.typing import NDArray
 
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import Recording, open_recording
-from cwmav_rig import align, loads, power
+from cwmav_rig import align, power
+from cwmav_rig.airspeed import density
+from cwmav_rig.align_phase import fit_phase, lag_of
 from cwmav_rig.blocks import Block, Series
+from cwmav_rig.budget import Measured, budgets
+from cwmav_rig.correlation import correlations
 from cwmav_rig.cycles import Cycles, find_cycles
+from cwmav_rig.loads import Loads, lift_and_drag
+from cwmav_rig.report import RigReport
 from cwmav_rig.sources.mcap import RigData, load
+from cwmav_rig.streams import (
+    LARGEST_BAD_SHARE,
+    aligned,
+    broken_cycles,
+    on_one_clock,
+    refuse_bad,
+    windowed,
+)
 from cwmav_rig.topic_map import METADATA, TopicMap, resolve
 from cwmav_rig.uncertainty import Spread, spread_of_cycles, spread_of_samples
 
+__all__ = ["RigReport", "Study", "aligned", "analyse", "analyse_data", "study", "study_data", "windowed"]
+
 Array = NDArray[np.float64]
-LARGEST_BAD_SHARE = 0.10  # of samples or of cycles; above it the result is refused
-_NONE: dict[str, Any] = {"mean": None, "std": None, "std_low": None, "std_high": None, "distribution": None}
+WORST_RESIDUAL = 0.2e-3  # s; a clock that fits worse is remarked
+WORST_OFFSET = 20e-3  # s; an offset known no better than this is not used
 
 
 @dataclass(frozen=True)
-class RigReport:
-    """What one recording says; angles in rad, frequency in Hz, SI otherwise. A quantity not recorded is None.
+class Study:
+    """A report and what it was made from, for those who draw or write it.
 
     Attributes
     ----------
-    origin
-        ``measured``, or that the recording is synthetic and by which power model.
-    clocks
-        Clock of each stream against the force sensor's.
-    rejected
-        Cycles left out by reason, and faults of every stream.
-    problems
-        Sentences a person should read.
-    seconds
-        Length of the force record [s].
+    data
+        All streams on the clock of the force, in the window.
+    per_cycle
+        (m,) values of every cycle by quantity (``F`` Hz, ``AoA`` deg, ``U`` m/s, ``lift`` N, ``drag`` N,
+        ``power`` W); NaN where the cycle cannot be used.
     """
 
-    source: str
-    synthetic: bool
-    origin: str
-    flapping_frequency: Spread | None
-    angle_of_attack: Spread | None
-    airspeed: Spread | None
-    lift: Spread | None
-    drag: Spread | None
-    power: Spread | None
-    cycles: int
-    clocks: Mapping[str, align.ClockFit]
-    rejected: Mapping[str, Any]
-    problems: tuple[str, ...]
-    seconds: float
-    end_ns: int
-
-    def to_json(self) -> dict[str, Any]:
-        """Give the keys of the public contract and some more."""
-        return {
-            "bag": self.source,
-            "synthetic": self.synthetic,
-            "origin": self.origin,
-            "flapping_frequency_hz": _quantity(self.flapping_frequency),
-            "angle_of_attack_deg": _quantity(self.angle_of_attack, np.degrees(1.0)),
-            "forward_velocity_m_s": _quantity(self.airspeed),
-            "lift_n": _quantity(self.lift),
-            "drag_n": _quantity(self.drag),
-            "power_w": _quantity(self.power),
-            "cycles": self.cycles,
-            "clock_offsets_s": {name: clock.offset for name, clock in self.clocks.items()},
-            "clock_skews": {name: clock.skew for name, clock in self.clocks.items()},
-            "clock_residuals_s": {name: clock.residual for name, clock in self.clocks.items()},
-            "rejected": dict(self.rejected),
-            "problems": list(self.problems),
-            "seconds": self.seconds,
-        }
+    report: RigReport
+    data: RigData
+    topic_map: TopicMap
+    cycles: Cycles
+    loads: Loads
+    per_cycle: Mapping[str, Array]
 
 
 def analyse(
@@ -104,16 +85,21 @@ def analyse(
     InputError
         The recording cannot be read, lacks what is needed, or more than 10 % of it is unusable.
     """
+    return study(bag, topic_map, window=window).report
+
+
+def study(
+    bag: str | Path, topic_map: TopicMap | None = None, *, window: tuple[float, float] | None = None
+) -> Study:
+    """Analyse a recording and keep what the report was made from; see :func:`analyse`."""
     with open_recording(bag) as recording:
         resolved = resolve(recording, topic_map)
         data = load(recording, resolved)
-        report = analyse_data(data, resolved, source=str(bag), window=window)
+        found = study_data(data, resolved, source=str(bag), window=window)
         synthetic, origin = _origin(recording)
+        problems = (*recording.problems, *found.report.problems)
         return replace(
-            report,
-            synthetic=synthetic,
-            origin=origin,
-            problems=(*recording.problems, *report.problems),
+            found, report=replace(found.report, synthetic=synthetic, origin=origin, problems=problems)
         )
 
 
@@ -121,6 +107,13 @@ def analyse_data(
     data: RigData, topic_map: TopicMap, *, source: str, window: tuple[float, float] | None = None
 ) -> RigReport:
     """Analyse samples that were read already; see :func:`analyse`."""
+    return study_data(data, topic_map, source=source, window=window).report
+
+
+def study_data(
+    data: RigData, topic_map: TopicMap, *, source: str, window: tuple[float, float] | None = None
+) -> Study:
+    """Analyse samples that were read already and keep them; see :func:`analyse`."""
     if data.force is None:
         raise InputError(
             f"{source}: no force samples; map the force topic (geometry_msgs/WrenchStamped or WrenchBlock)"
@@ -131,7 +124,78 @@ def analyse_data(
     if force is None:
         raise InputError(f"{source}: no force samples in the window")
     streams = {"force": force, "power": data.power, "angle_of_attack": data.angle, "wind": data.wind}
-    problems = _refuse_bad(source, streams)
+    problems = refuse_bad(source, streams)
+    cycles = _cycles(force, source)
+    data, clocks, clock_notes, remarks = _by_flapping(data, topic_map, cycles, clocks)
+    angle, angle_cycles = _scatter(data.angle, cycles)
+    wind, wind_cycles = _scatter(data.wind, cycles)
+    loads = lift_and_drag(
+        force, cycles, topic_map, data.tares, angle.mean if angle else None, data.sensor_temperature
+    )
+    values = {
+        "F": cycles.frequency,
+        "AoA": _cycle_values(data.angle, angle_cycles, cycles, float(np.degrees(1.0))),
+        "U": _cycle_values(data.wind, wind_cycles, cycles),
+        "lift": loads.lift,
+        "drag": loads.drag,
+        "power": None if data.power is None else power.cycle_power(data.power, cycles.bounds),
+    }
+    per_cycle = {name: np.where(cycles.good, v, np.nan) for name, v in values.items() if v is not None}
+    spreads = {
+        name: spread_of_cycles(per_cycle[name])
+        for name in ("F", "lift", "drag", "power")
+        if name in per_cycle
+    }
+    lost = {
+        "angle_of_attack": ~angle_cycles,
+        "wind": ~wind_cycles,
+        "power": _missing(data.power, cycles, values),
+    }
+    gone, notes = _too_many_lost(lost)
+    quantities: dict[str, Spread | None] = {
+        "flapping_frequency": spreads["F"],
+        "angle_of_attack": None if "angle_of_attack" in gone else angle,
+        "airspeed": None if "wind" in gone else wind,
+        "lift": spreads.get("lift"),
+        "drag": spreads.get("drag"),
+        "power": None if "power" in gone else spreads.get("power"),
+    }
+    seconds = len(force.values) * force.step
+    voltage = 0.0 if data.power is None else float(np.nanmean(data.power.column("voltage")))
+    table = budgets(
+        Measured(
+            topic_map, seconds, spreads["F"], quantities["angle_of_attack"], quantities["airspeed"],
+            quantities["lift"], quantities["drag"], quantities["power"], loads, voltage,
+        )
+    )  # fmt: skip
+    report = RigReport(
+        source=source,
+        synthetic=False,
+        origin="measured",
+        **quantities,
+        cycles=cycles.number,
+        clocks=clocks,
+        rejected=_rejected(cycles, streams, lost, data.undecodable),
+        problems=(*problems, *remarks, *loads.notes, *notes),
+        seconds=seconds,
+        end_ns=data.origin_ns + round((force.start + len(force.values) * force.step) * 1e9),
+        clock_notes=clock_notes,
+        correlations=correlations(per_cycle),
+        budgets=table,
+        air_density=_density(data, topic_map),
+        channel_delay=None if data.power is None else power.channel_delay(data.power, cycles.bounds),
+    )
+    return Study(report, data, topic_map, cycles, loads, per_cycle)
+
+
+def open_and_load(bag: str | Path, topic_map: TopicMap | None = None) -> tuple[RigData, TopicMap, Recording]:
+    """Read all samples of a recording, for callers who want to look at them."""
+    with open_recording(bag) as recording:
+        resolved = resolve(recording, topic_map)
+        return load(recording, resolved), resolved, recording
+
+
+def _cycles(force: Block, source: str) -> Cycles:
     try:
         cycles = find_cycles(force)
     except InputError as error:
@@ -142,72 +206,60 @@ def analyse_data(
             f"{source}: {cycles.rejected_fraction:.0%} of {len(cycles.good)} cycles are unusable ({reasons});"
             f" at most {LARGEST_BAD_SHARE:.0%} is allowed"
         )
-    angle = _scatter(data.angle, cycles)
-    lift, drag, notes = loads.lift_and_drag(
-        force, cycles, topic_map, data.tares, angle.mean if angle else None
-    )
-    return RigReport(
-        source=source,
-        synthetic=False,
-        origin="measured",
-        flapping_frequency=spread_of_cycles(np.where(cycles.good, cycles.frequency, np.nan)),
-        angle_of_attack=angle,
-        airspeed=_scatter(data.wind, cycles),
-        lift=lift,
-        drag=drag,
-        power=_power(data.power, cycles),
-        cycles=cycles.number,
-        clocks=clocks,
-        rejected=_rejected(cycles, streams, data.undecodable),
-        problems=(*problems, *notes),
-        seconds=len(force.values) * force.step,
-        end_ns=data.origin_ns + round((force.start + len(force.values) * force.step) * 1e9),
-    )
+    return cycles
 
 
-def aligned(data: RigData, topic_map: TopicMap) -> tuple[RigData, dict[str, align.ClockFit]]:
-    """Turn all times into those of the force sensor's clock, as far as trigger edges allow."""
-    reference = data.edges.get(topic_map.force.clock, {})
-    names = {
-        "power": topic_map.power.clock,
-        "angle_of_attack": topic_map.angle_of_attack.clock,
-        "wind": topic_map.wind.clock,
+def _by_flapping(
+    data: RigData, topic_map: TopicMap, cycles: Cycles, clocks: dict[str, align.ClockFit]
+) -> tuple[RigData, dict[str, align.ClockFit], dict[str, dict[str, Any]], list[str]]:
+    """Align by the flapping what has no trigger edges, and compare with it what has."""
+    streams = {"power": (data.power, "power"), "angle_of_attack": (data.angle, ""), "wind": (data.wind, "")}
+    lags = {
+        "power": topic_map.power.phase_lag_deg,
+        "angle_of_attack": topic_map.angle_of_attack.phase_lag_deg,
+        "wind": None,
     }
-    fits = {role: align.fit_clock(reference, data.edges.get(clock, {})) for role, clock in names.items()}
-    known = {role: fit for role, fit in fits.items() if fit is not None}
-    changed = data
-    if data.power is not None and "power" in known:
-        fit = known["power"]
-        start, step = fit.to_reference(np.array([data.power.start])), data.power.step / (1.0 + fit.skew)
-        changed = replace(changed, power=replace(data.power, start=float(start[0]), step=step))
-    if data.angle is not None and "angle_of_attack" in known:
-        times = known["angle_of_attack"].to_reference(data.angle.time)
-        changed = replace(changed, angle=replace(data.angle, time=times))
-    if data.wind is not None and "wind" in known:
-        changed = replace(changed, wind=replace(data.wind, time=known["wind"].to_reference(data.wind.time)))
-    return changed, known
+    found, notes, remarks = dict(clocks), {}, []
+    for role, (stream, column) in streams.items():
+        if stream is None:
+            continue
+        if role in clocks:
+            notes[role] = _checked(cycles, stream, column, clocks[role])
+            if clocks[role].residual > WORST_RESIDUAL:
+                remarks.append(
+                    f"clock of {role}: trigger edges scatter by {clocks[role].residual * 1e3:.2f} ms"
+                )
+            continue
+        lag = lags[role]
+        fit = fit_phase(cycles.bounds, stream, column, None if lag is None else float(np.radians(lag)))
+        if fit is None or fit.offset_std > WORST_OFFSET:
+            notes[role] = {"method": "none"}
+            remarks.append(f"clock of {role}: no trigger edges and no clear flapping in it; taken as it is")
+            continue
+        found[role] = fit.clock
+        notes[role] = {
+            "method": "flapping",
+            "offset_std_s": fit.offset_std,
+            "phase_lag_deg": float(np.degrees(fit.lag)),
+        }
+        remarks.append(
+            f"clock of {role}: aligned by the flapping, offset {fit.clock.offset * 1e3:+.2f}"
+            f" +- {fit.offset_std * 1e3:.2f} ms"
+        )
+    added = {role: clock for role, clock in found.items() if role not in clocks}
+    return on_one_clock(data, added), found, notes, remarks
 
 
-def windowed(data: RigData, window: tuple[float, float], source: str) -> RigData:
-    """Keep the samples between two times [s] from the first force sample."""
-    begin, end = window
-    if data.force is None or not begin < end:
-        raise InputError(f"{source}: window {begin:g} to {end:g} s; the end must lie after the begin")
-    begin, end = begin + data.force.start, end + data.force.start
-    return replace(
-        data,
-        force=_cut(data.force, begin, end),
-        power=None if data.power is None else _cut(data.power, begin, end),
-        angle=None if data.angle is None else _cut_series(data.angle, begin, end),
-        wind=None if data.wind is None else _cut_series(data.wind, begin, end),
-    )
-
-
-def open_and_load(bag: str | Path, topic_map: TopicMap | None = None) -> tuple[RigData, TopicMap, Recording]:
-    """Read all samples of a recording, for callers who want to look at them."""
-    with open_recording(bag) as recording:
-        resolved = resolve(recording, topic_map)
-        return load(recording, resolved), resolved, recording
+def _checked(cycles: Cycles, stream: Block | Series, column: str, clock: align.ClockFit) -> dict[str, Any]:
+    note: dict[str, Any] = {"method": "trigger", "offset_std_s": clock.offset_std}
+    lag, fit = lag_of(cycles.bounds, stream, column), fit_phase(cycles.bounds, stream, column)
+    if lag is not None and fit is not None:
+        note |= {
+            "phase_lag_deg": float(np.degrees(lag[0])),
+            "by_flapping_s": fit.clock.offset,
+            "by_flapping_std_s": fit.offset_std,
+        }
+    return note
 
 
 def _origin(recording: Recording) -> tuple[bool, str]:
@@ -222,72 +274,74 @@ def _origin(recording: Recording) -> tuple[bool, str]:
     return True, f"synthetic, {model} power"
 
 
-def _cut(block: Block, begin: float, end: float) -> Block:
-    keep = (block.time >= begin) & (block.time < end)
-    first = int(np.argmax(keep)) if keep.any() else 0
-    values = block.values[keep]
-    bad = int((~np.isfinite(values).all(axis=1)).sum())
-    return replace(block, start=block.start + first * block.step, values=values, samples=len(values), bad=bad)
+def _scatter(stream: Series | None, cycles: Cycles) -> tuple[Spread | None, NDArray[np.bool_]]:
+    """Spread of a series and the cycles that it covers without a long gap."""
+    if stream is None or not len(stream.values):
+        return None, np.ones(len(cycles.good), bool)
+    whole = ~broken_cycles(stream, cycles.bounds)
+    return spread_of_samples(stream.time, stream.values, cycles.bounds, whole), whole
 
 
-def _cut_series(data: Series, begin: float, end: float) -> Series:
-    keep = (data.time >= begin) & (data.time < end)
-    return replace(data, time=data.time[keep], values=data.values[keep])
-
-
-def _refuse_bad(source: str, streams: Mapping[str, Block | Series | None]) -> list[str]:
-    notes = []
-    for name, stream in streams.items():
-        if stream is None:
-            notes.append(f"{source}: {name} is not recorded")
-            continue
-        faults = ", ".join(f"{count} {fault}" for fault, count in sorted(stream.faults.items()))
-        if stream.bad_fraction > LARGEST_BAD_SHARE:
-            raise InputError(
-                f"{source}: {stream.bad_fraction:.0%} of the {name} samples are missing or unusable"
-                f" ({faults}); at most {LARGEST_BAD_SHARE:.0%} is allowed"
-            )
-        if stream.bad:
-            notes.append(f"{source}: {stream.bad} of {stream.samples} {name} samples masked ({faults})")
-    return notes
-
-
-def _scatter(stream: Series | None, cycles: Cycles) -> Spread | None:
+def _cycle_values(
+    stream: Series | None, whole: NDArray[np.bool_], cycles: Cycles, factor: float = 1.0
+) -> Array | None:
+    """Mean of a series in every cycle, (m,); NaN without a sample or beside a gap."""
     if stream is None or not len(stream.values):
         return None
-    return spread_of_samples(stream.time, stream.values, cycles.bounds)
+    m = len(cycles.good)
+    owner = np.searchsorted(cycles.bounds, stream.time, side="right") - 1
+    inside = (owner >= 0) & (owner < m)
+    counts = np.bincount(owner[inside], minlength=m)
+    sums = np.bincount(owner[inside], factor * stream.values[inside], m)
+    return np.where(whole & (counts > 0), sums / np.maximum(counts, 1), np.nan)
 
 
-def _power(block: Block | None, cycles: Cycles) -> Spread | None:
-    if block is None:
+def _density(data: RigData, topic_map: TopicMap) -> float | None:
+    """Mean density of the air [kg/m3]; None where its temperature is not recorded."""
+    if data.air_temperature is None or not len(data.air_temperature.values):
         return None
-    values = power.cycle_power(block, cycles.bounds)
-    return spread_of_cycles(np.where(cycles.good, values, np.nan))
+    recorded = data.ambient_pressure is not None and len(data.ambient_pressure.values) > 0
+    pressure = topic_map.wind.ambient_pressure
+    if recorded and data.ambient_pressure is not None:
+        pressure = float(data.ambient_pressure.values.mean())
+    return float(density(float(data.air_temperature.values.mean()), pressure))
+
+
+def _missing(block: Block | None, cycles: Cycles, values: Mapping[str, Array | None]) -> NDArray[np.bool_]:
+    """Cycles within the span of a block that it has no value for, (m,)."""
+    found = values["power"]
+    if block is None or found is None:
+        return np.zeros(len(cycles.good), bool)
+    time = block.time
+    covered = (cycles.bounds[:-1] > time[0]) & (cycles.bounds[1:] < time[-1])
+    return np.asarray(covered & ~np.isfinite(found))
+
+
+def _too_many_lost(lost: Mapping[str, NDArray[np.bool_]]) -> tuple[set[str], list[str]]:
+    """Streams that cannot be used because of their gaps, and what to say of them."""
+    gone, notes = set(), []
+    for name, cycles in lost.items():
+        share = float(cycles.mean()) if len(cycles) else 0.0
+        if share > LARGEST_BAD_SHARE:
+            gone.add(name)
+            notes.append(
+                f"{name}: refused, {share:.0%} of the cycles hold a gap;"
+                f" at most {LARGEST_BAD_SHARE:.0%} is allowed"
+            )
+    return gone, notes
 
 
 def _rejected(
-    cycles: Cycles, streams: Mapping[str, Block | Series | None], undecodable: int
+    cycles: Cycles,
+    streams: Mapping[str, Block | Series | None],
+    lost: Mapping[str, NDArray[np.bool_]],
+    undecodable: int,
 ) -> dict[str, Any]:
     return {
         "cycles": int((~cycles.good).sum()),
         "fraction": cycles.rejected_fraction,
         "reasons": dict(cycles.rejected),
+        "cycles_of_stream": {name: int(found.sum()) for name, found in lost.items() if found.any()},
         "samples": {name: dict(s.faults) for name, s in streams.items() if s is not None and s.faults},
         "undecodable_messages": undecodable,
-    }
-
-
-def _quantity(spread: Spread | None, factor: float = 1.0) -> dict[str, Any]:
-    if spread is None:
-        return dict(_NONE)
-    best = spread.fits[0] if spread.fits else None
-    return {
-        "mean": spread.mean * factor,
-        "std": spread.std * factor,
-        "std_low": spread.std_low * factor,
-        "std_high": spread.std_high * factor,
-        "distribution": spread.distribution or None,
-        "mean_std": spread.mean_std * factor,
-        "effective_samples": spread.effective,
-        "goodness_of_fit_p": best.p_value if best else None,
     }

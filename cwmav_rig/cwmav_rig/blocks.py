@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+FULL = 1.0 - 1e-6  # share of the range at which a sample counts as saturated
+TIME_JUMP = 0.1  # s by which stamps leave the count of samples: the clock was set
 STUCK_SAMPLES = 20  # equal values on all channels for so long are a stuck converter, not noise-free physics
 
 
@@ -113,10 +115,15 @@ class Assembler:
         Columns of the samples as they come in.
     bin_rate
         Wanted rate of the result [Hz]; the bin is the nearest whole number of samples.
+    ranges
+        (k,) largest magnitude that the instrument can show; samples that reach it are masked. 0 where it is
+        not known.
     """
 
-    def __init__(self, names: tuple[str, ...], bin_rate: float = 1000.0) -> None:
+    def __init__(self, names: tuple[str, ...], bin_rate: float = 1000.0, ranges: Array | None = None) -> None:
         self.names = names
+        ranges = np.zeros(len(names)) if ranges is None else ranges
+        self._limits = np.where(ranges > 0.0, ranges * FULL, np.inf)
         self.bin_rate = bin_rate
         self.rate = 0.0
         self.faults: Counter[str] = Counter()
@@ -150,11 +157,15 @@ class Assembler:
             return
         values = np.asarray(data[kept], np.float64)
         overloaded = overload[kept] > 0
+        bad = np.zeros((len(kept), n), bool)
         if overloaded.any():
             self.faults["overload"] += int(overload[kept].sum())
-            values[overloaded] = np.nan
+            # Where the samples at the end of the range account for the flags, the others are good.
+            flagged = overloaded & (self._saturated(values).sum(axis=1) < overload[kept])
+            bad[flagged] = True
+            self.faults["beside_overload"] += int((n - overload[kept])[flagged].sum())
         index = (np.array(indices)[:, None] + np.arange(n)).ravel()
-        self._add(index, values.reshape(-1, k))
+        self._add(index, values.reshape(-1, k), bad.ravel())
 
     def add_samples(self, stamps: Array, data: Array) -> None:
         """Add single samples: stamps (n,) [s] in order, data (n, k)."""
@@ -240,7 +251,7 @@ class Assembler:
             by_sequence = sequence - (self._sequence or 0) if self._sequence is not None else -1
             if sequence and by_sequence >= self._next:
                 index = by_sequence
-                if abs(by_stamp - by_sequence) > max(2.0, 0.1 * self.rate):
+                if abs(by_stamp - by_sequence) > max(2.0, TIME_JUMP * self.rate):
                     self.faults["time_jump"] += 1
             elif abs(by_stamp - self._next) <= max(2, n // 4):
                 index = self._next
@@ -262,12 +273,18 @@ class Assembler:
             self.faults["gaps"] += gaps
             self._bad += samples
 
-    def _add(self, index: Indices, data: Array) -> None:
-        bad = ~np.isfinite(data).all(axis=1)
-        stuck = _stuck(data)
-        self.faults["nan"] += int(bad.sum())
-        self.faults["stuck"] += int((stuck & ~bad).sum())
-        bad |= stuck
+    def _saturated(self, data: Array) -> NDArray[np.bool_]:
+        return np.asarray((np.abs(data) >= self._limits).any(axis=-1))
+
+    def _add(self, index: Indices, data: Array, flagged: NDArray[np.bool_] | None = None) -> None:
+        bad = np.zeros(len(data), bool) if flagged is None else flagged
+        for name, found in (
+            ("nan", ~np.isfinite(data).all(axis=1)),
+            ("saturated", self._saturated(data)),
+            ("stuck", _stuck(data)),
+        ):
+            self.faults[name] += int((found & ~bad).sum())
+            bad = bad | found
         self._bad += int(bad.sum())
         if bad.any():
             data = data.copy()
@@ -294,7 +311,7 @@ class Assembler:
     def _time_base(self) -> tuple[float, float]:
         """Time of sample 0 and sample period [s]: a straight line through the stamps, robust to late ones."""
         anchors = np.array(self._anchors)
-        index, stamp = anchors[:, 0], anchors[:, 1]
+        index, stamp = self._longest_steady(anchors[:, 0], anchors[:, 1])
         if len(index) < 3 or index[-1] == index[0]:
             return float(stamp[0] - index[0] / self.rate), 1.0 / self.rate
         keep = np.ones(len(index), bool)
@@ -305,6 +322,14 @@ class Assembler:
         if float(np.median(residual)) > 2e-3:
             self.faults["irregular_stamps"] += 1
         return float(start - slope * index[0]), float(slope)
+
+    def _longest_steady(self, index: Array, stamp: Array) -> tuple[Array, Array]:
+        """Keep the anchors between two jumps of the clock: a line through both sides of one is none."""
+        ahead = stamp - index / self.rate
+        jumps = np.flatnonzero(np.abs(np.diff(ahead)) > TIME_JUMP) + 1
+        pieces = np.split(np.arange(len(index)), jumps)
+        longest = max(pieces, key=len)
+        return index[longest], stamp[longest]
 
 
 def _stuck(data: Array) -> NDArray[np.bool_]:

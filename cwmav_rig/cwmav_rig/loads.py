@@ -1,58 +1,110 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lift and drag per cycle from the force on the sensor: tare, gain, turn into the axes of the wind."""
+"""Lift and drag per cycle from the force on the sensor: zero, gain, turn into the axes of the wind."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_rig.blocks import Block
+from cwmav_rig.blocks import Block, Series
+from cwmav_rig.calibration import TareError, TareRun, Zero, zero_for
 from cwmav_rig.cycles import Cycles, cycle_means
-from cwmav_rig.topic_map import TopicMap
-from cwmav_rig.uncertainty import Spread, spread_of_cycles
+from cwmav_rig.topic_map import ForceRole, TopicMap
 
 Array = NDArray[np.float64]
-Tares = tuple[tuple[float, Array], ...]
+
+LARGEST_DRIFT = 0.05  # N over the run; a line between two wind-off runs does not describe more
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Lift and drag, (m,) each [N], and how they came about; None with the reason in `notes`.
+
+    Attributes
+    ----------
+    zero
+        What was taken off; None where the map says that there is no tare.
+    pitch
+        Pitch of the sensor to the wind [rad], nose up.
+    pitch_std
+        Standard uncertainty of the part of it that belongs to the sensor [rad].
+    """
+
+    lift: Array | None
+    drag: Array | None
+    notes: tuple[str, ...]
+    zero: Zero | None = None
+    pitch: float = 0.0
+    pitch_std: float = 0.0
 
 
 def lift_and_drag(
-    force: Block, cycles: Cycles, topic_map: TopicMap, tares: Tares, angle: float | None
-) -> tuple[Spread | None, Spread | None, list[str]]:
-    """Give the spread of lift and drag over the cycles, and why there is none.
+    force: Block,
+    cycles: Cycles,
+    topic_map: TopicMap,
+    tares: tuple[TareRun, ...],
+    angle: float | None,
+    temperature: Series | None = None,
+) -> Loads:
+    """Give lift and drag of every cycle, or say why there is none.
 
     Parameters
     ----------
     tares
-        Time [s] and mean wrench (6,) of wind-off records at the same attitude.
+        Wind-off runs.
     angle
         Mean angle of attack [rad]; needed when the sensor pitches with the vehicle.
+    temperature
+        Of the sensor [deg C], where it was recorded.
 
     Notes
     -----
-    The sensor feels aerodynamic force plus weight. A wind-off record at the same attitude holds the weight
-    and the zero of the sensor; records before and after give its drift, taken as linear in time. Inertial
-    forces have no mean over whole cycles.
+    The sensor feels aerodynamic force plus weight; see :mod:`cwmav_rig.calibration` for what the wind-off
+    runs tell. Inertial forces have no mean over whole cycles.
     """
     role = topic_map.force
     if not tares and topic_map.tare != "none":
-        return None, None, ["lift: refused, no wind-off tare; map one, or say tare: none"]
+        return _refused("no wind-off tare; map one, or say tare: none")
     if role.frame == "body" and angle is None:
-        return (
-            None,
-            None,
-            ["lift: refused, the sensor pitches with the vehicle and no angle of attack is recorded"],
-        )
+        return _refused("the sensor pitches with the vehicle and no angle of attack is recorded")
     middle = 0.5 * (cycles.bounds[1:] + cycles.bounds[:-1])
-    forward = _axis(force, role.axis_thrust, cycles) - _axis_tare(tares, role.axis_thrust, middle)
-    upward = _axis(force, role.axis_lift, cycles) - _axis_tare(tares, role.axis_lift, middle)
-    pitch = np.radians(role.pitch_deg) + (angle if role.frame == "body" and angle is not None else 0.0)
-    lift, drag = to_wind_axes(role.gain * forward, role.gain * upward, pitch)
-    notes = (
-        []
-        if tares
-        else ["lift: no tare was subtracted, as the topic map says; weight and zero are part of it"]
-    )
-    return _spread(lift, cycles), _spread(drag, cycles), notes
+    mean = np.stack([cycle_means(force, name, cycles.bounds) for name in ("fx", "fy", "fz")], axis=1)
+    mean = mean - thermal_zero(role, temperature, middle)
+    zero = None
+    notes = ["lift: no tare was subtracted, as the topic map says; weight and zero are part of it"]
+    if tares:
+        corrected = tuple(_at_reference(run, role, temperature) for run in tares)
+        # A sensor in wind axes does not turn: its wind-off runs are alike whatever their angle.
+        attitude = angle if role.frame == "body" else None
+        try:
+            zero = zero_for(
+                corrected,
+                attitude,
+                (float(cycles.bounds[0]), float(cycles.bounds[-1])),
+                role.axis_thrust,
+                role.axis_lift,
+            )
+        except TareError as error:
+            return _refused(str(error))
+        largest = float(np.nanmax(np.abs(np.append(zero.drift, 0.0))))
+        if largest > LARGEST_DRIFT:
+            return _refused(
+                f"the zero drifts by {largest * 1e3:.0f} mN over the run;"
+                f" at most {LARGEST_DRIFT * 1e3:g} mN is allowed"
+            )
+        mean = mean - zero.at(middle)[:, :3]
+        notes = []
+    pitch, pitch_std = np.radians(role.pitch_deg), np.radians(role.pitch_std_deg)
+    if role.alignment == "tare":
+        if zero is None or zero.pitch is None or zero.pitch_std is None:
+            return _refused("alignment: tare needs wind-off runs at two angles of attack or more")
+        pitch, pitch_std = zero.pitch, zero.pitch_std
+    pitch += angle if role.frame == "body" and angle is not None else 0.0
+    forward, upward = (role.gain * _along(mean, axis) for axis in (role.axis_thrust, role.axis_lift))
+    lift, drag = to_wind_axes(forward, upward, pitch)
+    return Loads(lift, drag, tuple(notes), zero, float(pitch), float(pitch_std))
 
 
 def to_wind_axes(forward: Array, upward: Array, pitch: float) -> tuple[Array, Array]:
@@ -60,24 +112,24 @@ def to_wind_axes(forward: Array, upward: Array, pitch: float) -> tuple[Array, Ar
     return upward * np.cos(pitch) + forward * np.sin(pitch), upward * np.sin(pitch) - forward * np.cos(pitch)
 
 
-def tare_at(tares: Tares, time: Array) -> Array:
-    """Wrench of the wind-off records at `time` (n,), (n, 6): linear between them, zero without any."""
-    if not tares:
-        return np.zeros((len(time), 6))
-    stamps = np.array([stamp for stamp, _ in tares])
-    values = np.stack([value for _, value in tares])
-    return np.stack([np.interp(time, stamps, values[:, k]) for k in range(6)], axis=1)
+def thermal_zero(role: ForceRole, temperature: Series | None, time: Array) -> Array:
+    """Shift of the zero with temperature at `time` (n,), (n, 3) [N]; its reference cancels with the tare."""
+    if temperature is None or not len(temperature.values) or not any(role.temperature_coefficient):
+        return np.zeros((len(time), 3))
+    kelvin = np.interp(time, temperature.time, temperature.values)
+    return np.asarray(np.outer(kelvin, role.temperature_coefficient))
 
 
-def _axis(force: Block, axis: str, cycles: Cycles) -> Array:
+def _at_reference(run: TareRun, role: ForceRole, temperature: Series | None) -> TareRun:
+    wrench = np.array(run.wrench, float)
+    wrench[:3] -= thermal_zero(role, temperature, np.array([run.time]))[0]
+    return TareRun(run.time, wrench, run.angle, run.std, run.source)
+
+
+def _refused(reason: str) -> Loads:
+    return Loads(None, None, (f"lift: refused, {reason}",))
+
+
+def _along(force: Array, axis: str) -> Array:
     sign = -1.0 if axis.startswith("-") else 1.0
-    return sign * cycle_means(force, "f" + axis[-1], cycles.bounds)
-
-
-def _axis_tare(tares: Tares, axis: str, time: Array) -> Array:
-    sign = -1.0 if axis.startswith("-") else 1.0
-    return sign * tare_at(tares, time)[:, "xyz".index(axis[-1])]
-
-
-def _spread(values: Array, cycles: Cycles) -> Spread:
-    return spread_of_cycles(np.where(cycles.good, values, np.nan))
+    return sign * force[:, "xyz".index(axis[-1])]

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from cwmav_common.settings import setting
 from cwmav_rig.physics.drive import POWER_MODELS
 
+RUNS = ("flapping", "wind_off", "wings_still")
+
 
 @dataclass(frozen=True)
 class Scatter:
@@ -56,12 +58,21 @@ class Artefacts:
     )
     mains: float = setting(0.010, "pick-up of the mains on force", unit="N", ge=0)
     mains_frequency: float = setting(50.0, "frequency of the mains", unit="Hz", gt=0)
+    pwm: float = setting(0.0, "pick-up of the motor's switching on force, aliased", unit="N", ge=0)
+    pwm_frequency: float = setting(16_100.0, "switching frequency of the motor", unit="Hz", gt=0)
     misalignment_deg: float = setting(0.0, "pitch of the sensor to the body axes", unit="deg", ge=-10, le=10)
+    misalignment_yaw_deg: float = setting(
+        0.0, "yaw of the sensor to the body axes", unit="deg", ge=-10, le=10
+    )
     clock_offset: float = setting(
         0.05, "largest offset of an instrument's clock to that of the force sensor", unit="s", ge=0, le=10
     )
     clock_skew: float = setting(50e-6, "largest relative rate error of an instrument's clock", ge=0, le=0.01)
     stamp_jitter: float = setting(20e-6, "scatter of the time stamps", unit="s", ge=0, le=0.01)
+    time_jump: float = setting(
+        0.0, "jump of the force sensor's clock in the middle of the run", unit="s", ge=-1, le=10
+    )
+    trigger_loss: float = setting(0.0, "share of trigger edges that an instrument misses", ge=0, lt=1)
     lost_blocks: float = setting(0.0, "share of force blocks lost", ge=0, lt=1)
     nan_samples: float = setting(0.0, "share of force blocks with a run of NaN", ge=0, lt=1)
     saturation: float = setting(
@@ -70,6 +81,13 @@ class Artefacts:
     stuck: float = setting(0.0, "share of force blocks with a stuck converter", ge=0, lt=1)
     frame_drop: float = setting(0.002, "share of camera frames dropped", ge=0, lt=1)
     frame_duplicate: float = setting(0.0, "share of camera frames duplicated", ge=0, lt=1)
+    rolling_stamp: float = setting(
+        0.0,
+        "saw-tooth by which frame stamps lag as the read-out rolls against the clock",
+        unit="s",
+        ge=0,
+        le=0.1,
+    )
     pixel_noise_deg: float = setting(
         0.25, "noise of one camera reading, part of the scatter of the angle", unit="deg", ge=0
     )
@@ -78,6 +96,12 @@ class Artefacts:
     )
     commutation: float = setting(0.03, "current ripple of the commutation, relative, near 3 kHz", ge=0, lt=1)
     shunt_offset: float = setting(0.0, "common-mode offset of the current", unit="A", ge=-1, le=1)
+    channel_skew: float = setting(
+        0.0, "time by which the current channel lags the voltage channel", unit="s", ge=-0.01, le=0.01
+    )
+    blockage: float = setting(
+        0.0, "relative excess of the speed at the model over that at the tunnel's sensor", ge=-0.2, le=0.2
+    )
     source_resistance: float = setting(0.5, "resistance of supply and leads", unit="ohm", ge=0, le=2)
     scope_bits: int = setting(8, "resolution of the oscilloscope", ge=4, le=24)
 
@@ -112,6 +136,10 @@ class Synthesis:
     airspeed: float = setting(3.5, "airspeed", unit="m/s", ge=0, le=20)
     seconds: float = setting(30.0, "length of the run", unit="s", gt=0, le=7200)
     seed: int = setting(0, "seed of everything random", ge=0)
+    sensor_seed: int | None = setting(
+        None, "seed of gain and zero of the force sensor, to give several recordings the same one", ge=0
+    )
+    run: str = setting("flapping", "flapping, or still: with the wind off (a tare run) or on", choices=RUNS)
     start_time: float = setting(1_750_000_000.0, "time of the first sample since 1970", unit="s", ge=0)
     power_model: str = setting("physical", "model of the electrical power", choices=POWER_MODELS)
     air_density: float = setting(1.225, "density of the air", unit="kg/m3", gt=0)

@@ -16,25 +16,49 @@ from cwmav_common import interfaces
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import BagWriter, open_recording, write_rosbag2_metadata
 from cwmav_common.settings import to_mapping
+from cwmav_rig.airspeed import GAS_CONSTANT, ZERO_CELSIUS
+from cwmav_rig.physics import sensor
 from cwmav_rig.synthesis_settings import Synthesis
 
 FORCE, TARE, VIEW = "/rig/wrench_block", "/rig/tare_block", "/rig/wrench"
 POWER, ANGLE, WIND = "/rig/power_block", "/rig/angle_of_attack", "/rig/airspeed"
 TRIGGER, TRUTH = "/rig/trigger", "/rig/truth"
+AIR_TEMPERATURE, AIR_PRESSURE = "/rig/air_temperature", "/rig/air_pressure"
+SENSOR_TEMPERATURE = "/rig/sensor_temperature"
 METADATA = "cwmav"
 LATENCY = 2e-3  # s from acquisition to receipt
 WRENCH_BLOCK, POWER_BLOCK = "cwmav_msgs/msg/WrenchBlock", "cwmav_msgs/msg/PowerBlock"
 WRENCH, SCALAR = "geometry_msgs/msg/WrenchStamped", "cwmav_msgs/msg/ScalarStamped"
 TWIST, STRING = "geometry_msgs/msg/TwistWithCovarianceStamped", "std_msgs/msg/String"
+TEMPERATURE, PRESSURE = "sensor_msgs/msg/Temperature", "sensor_msgs/msg/FluidPressure"
+STATIC_PRESSURE = 101_325.0  # Pa
+ROOM = 22.0  # deg C, of the sensor before the motor warms it
 
-TOPIC_MAP: dict[str, Any] = {
-    "force": {"topic": FORCE, "axis_lift": "z", "axis_thrust": "x", "frame": "body"},
-    "power": {"topic": POWER},
-    "angle_of_attack": {"topic": ANGLE},
-    "wind": {"topic": WIND},
-    "trigger": {"topic": TRIGGER},
-    "tare": {"topic": TARE},
-}
+
+def topic_map_of(settings: Synthesis) -> dict[str, Any]:
+    """Give the topic map that is stored in the recording, with what is known of the instruments."""
+    ins, art = settings.instruments, settings.artefacts
+    return {
+        "force": {
+            "topic": FORCE,
+            "axis_lift": "z",
+            "axis_thrust": "x",
+            "frame": "body",
+            "range_xy": ins.range_xy,
+            "range_z": ins.range_z,
+            "resolution": art.least_count,
+            "gain_std": min(art.gain_error, 1.0),
+            "zero_walk": art.bias_drift,
+            "temperature": SENSOR_TEMPERATURE,
+            "temperature_coefficient": [art.thermal] * 3,
+        },
+        "power": {"topic": POWER},
+        "angle_of_attack": {"topic": ANGLE},
+        "wind": {"topic": WIND, "temperature": AIR_TEMPERATURE, "pressure": AIR_PRESSURE},
+        "trigger": {"topic": TRIGGER},
+        "tare": "none" if settings.run == "wind_off" else {"topic": TARE},
+    }
+
 
 Entry = tuple[float, int, str, str, bytes]  # log time [s], order, topic, type, CDR
 
@@ -58,7 +82,7 @@ def write_recording(path: Path, settings: Synthesis, signals: Any) -> None:
     origin = round(settings.start_time * interfaces.NANOSECONDS)
     custom = {
         "synthetic": "true",
-        "topic_map": json.dumps(TOPIC_MAP),
+        "topic_map": json.dumps(topic_map_of(settings)),
         "settings": json.dumps(to_mapping(settings)),
         "truth": json.dumps(dataclasses.asdict(signals.truth)),
     }
@@ -74,8 +98,10 @@ def write_recording(path: Path, settings: Synthesis, signals: Any) -> None:
 
 
 def _declared(settings: Synthesis) -> list[tuple[str, str]]:
-    topics = [(TRUTH, STRING), (TARE, WRENCH_BLOCK), (FORCE, WRENCH_BLOCK), (POWER, POWER_BLOCK)]
+    topics = [(TRUTH, STRING), (FORCE, WRENCH_BLOCK), (POWER, POWER_BLOCK)]
+    topics += [] if settings.run == "wind_off" else [(TARE, WRENCH_BLOCK)]
     topics += [(ANGLE, SCALAR), (WIND, TWIST), (TRIGGER, SCALAR)]
+    topics += [(AIR_TEMPERATURE, TEMPERATURE), (AIR_PRESSURE, PRESSURE), (SENSOR_TEMPERATURE, TEMPERATURE)]
     return topics + ([(VIEW, WRENCH)] if settings.instruments.view_rate else [])
 
 
@@ -89,6 +115,7 @@ def _entries(settings: Synthesis, signals: Any, rng: np.random.Generator) -> Ite
     yield from _scalars(signals, stamp)
     yield from _wind(signals, stamp)
     yield from _trigger(settings, signals, stamp)
+    yield from _surroundings(settings, stamp)
 
 
 class _Stamper:
@@ -136,7 +163,8 @@ def _force(settings: Synthesis, signals: Any, stamp: _Stamper, rng: np.random.Ge
             continue
         data = _damaged(data, bool(chance[1, k] < art.nan_samples), bool(chance[2, k] < art.stuck))
         start = first / ins.force_rate
-        head = stamp.header(start, "sensor")
+        late = art.time_jump if 2 * k >= len(blocks) else 0.0
+        head = stamp.header(start + late, "sensor")
         message = interfaces.new(
             WRENCH_BLOCK,
             header=head,
@@ -215,8 +243,27 @@ def _trigger(settings: Synthesis, signals: Any, stamp: _Stamper) -> Iterator[Ent
     """Give one edge per second of true time, stamped by every instrument; frame_id names its clock."""
     for edge in range(int(np.floor(settings.seconds)) + 1):
         for name, clock in signals.clocks.items():
+            if settings.artefacts.trigger_loss and stamp.rng.random() < settings.artefacts.trigger_loss:
+                continue
             reading = float(clock.shows(np.float64(edge)))
             message = interfaces.new(
                 SCALAR, header=stamp.header(reading, name), value=float(edge), std=float("nan")
             )
             yield edge + LATENCY, 7, TRIGGER, SCALAR, interfaces.serialise(message, SCALAR)
+
+
+def _surroundings(settings: Synthesis, stamp: _Stamper) -> Iterator[Entry]:
+    """Give temperature and static pressure of the air, and the temperature of the sensor, once a second."""
+    air = STATIC_PRESSURE / (GAS_CONSTANT * settings.air_density) - ZERO_CELSIUS
+    for second in range(int(np.floor(settings.seconds)) + 1):
+        heated = sensor.MOTOR_HEATING * (1.0 - np.exp(-second / sensor.HEATING_TIME))
+        warm = ROOM + (heated if settings.run == "flapping" else 0.0)
+        for topic, type_name, frame, values in (
+            (AIR_TEMPERATURE, TEMPERATURE, "tunnel", {"temperature": air}),
+            (AIR_PRESSURE, PRESSURE, "tunnel", {"fluid_pressure": STATIC_PRESSURE}),
+            (SENSOR_TEMPERATURE, TEMPERATURE, "sensor", {"temperature": warm}),
+        ):
+            message = interfaces.new(
+                type_name, header=stamp.header(float(second), frame, exact=True), **values
+            )
+            yield second + LATENCY, 8, topic, type_name, interfaces.serialise(message, type_name)

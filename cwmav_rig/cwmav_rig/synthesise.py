@@ -21,6 +21,7 @@ from cwmav_rig.synthesis_settings import Synthesis
 
 Array = NDArray[np.float64]
 FINE_RATE = 2000.0  # Hz, grid of the true motion
+ROLLING = 0.37  # Hz, beat of the camera's read-out with its clock
 CLOCKS = ("force", "power", "camera", "tunnel")
 
 
@@ -143,14 +144,17 @@ def _motion(settings: Synthesis, rng: np.random.Generator) -> Motion:
     frequency = scatter.frequency_process(
         n, step, mean, mean * spread.frequency_relative, spread.frequency_correlation, rng
     )
+    if settings.run != "flapping":
+        frequency = np.zeros(n)
     phase = scatter.phase_of(frequency, step)
-    rocking = np.radians(spread.angle_rocking_deg)
+    rocking = np.radians(spread.angle_rocking_deg) if settings.run == "flapping" else 0.0
     slow = _slow_angle(settings)
     angle = np.radians(settings.angle_of_attack_deg) + rocking * np.sin(phase + 0.7)
     angle = angle + scatter.memory_process(n, step, spread.angle_memory, slow, rng)
     sigma = max(spread.airspeed_relative * settings.airspeed, spread.airspeed_least)
     wind = scatter.memory_process(n, step, spread.airspeed_memory, sigma, rng)
-    return Motion(np.asarray(time, np.float64), frequency, phase, angle, settings.airspeed + wind)
+    airspeed = np.zeros(n) if settings.run == "wind_off" else settings.airspeed + wind
+    return Motion(np.asarray(time, np.float64), frequency, phase, angle, airspeed)
 
 
 def _slow_angle(settings: Synthesis) -> float:
@@ -171,6 +175,8 @@ def _clocks(settings: Synthesis, rng: np.random.Generator) -> dict[str, Clock]:
 
 def _air_loads(settings: Synthesis, motion: Motion, time: Array) -> tuple[Array, Array]:
     """Body forces at `time` (n,): the cycle at the setting and the change of its mean with the controls."""
+    if settings.run == "wind_off":
+        return np.zeros(len(time)), np.zeros(len(time))
     point = _setting(settings)
     phase = motion.at("phase", time)
     table = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -182,6 +188,8 @@ def _air_loads(settings: Synthesis, motion: Motion, time: Array) -> tuple[Array,
         ("angle", point.angle_of_attack, 0.01),
         ("airspeed", point.airspeed, 0.05),
     ):
+        if name == "frequency" and settings.run != "flapping":
+            continue
         slope = _slope(point, name, step, settings.air_density)
         change = motion.at(name, time) - value
         along, normal = along + slope[0] * change, normal + slope[1] * change
@@ -199,7 +207,9 @@ def _slope(point: aero.Point, name: str, step: float, density: float) -> Array:
 
 def _setting(settings: Synthesis) -> aero.Point:
     return aero.Point(
-        settings.flapping_frequency, float(np.radians(settings.angle_of_attack_deg)), settings.airspeed
+        settings.flapping_frequency if settings.run == "flapping" else 0.0,
+        float(np.radians(settings.angle_of_attack_deg)),
+        settings.airspeed,
     )
 
 
@@ -221,21 +231,35 @@ def _force(
     if art.resonance_frequency:
         along = sensor.resonance(along, ins.force_rate, art.resonance_frequency, art.resonance_damping)
         normal = sensor.resonance(normal, ins.force_rate, art.resonance_frequency, art.resonance_damping)
-    gain = 1.0 + art.gain_error * float(rng.standard_normal())
-    offsets = rng.uniform(-1.0, 1.0, 6) * art.force_offset * np.array([1, 1, 1, 0.01, 0.01, 0.01])
+    gain, offsets = _sensor(settings, rng)
     zero_at = np.array([-2.0 - ins.tare_seconds, settings.seconds + 2.0])
     everything = np.concatenate(([zero_at[0]], time, [zero_at[1]]))
     drift = np.stack(
         [sensor.bias(everything, art.bias_drift, art.warm_up, art.thermal, rng) for _ in range(3)], axis=1
     )
     pick_up = sensor.mains(time, art.mains, art.mains_frequency, float(rng.uniform(0, 2 * np.pi)))
+    pick_up = pick_up + art.pwm * np.sin(2.0 * np.pi * art.pwm_frequency * time)
     body = np.stack([along, np.zeros(n), normal], axis=1)
     chain = _Chain(settings, gain, offsets, rng)
     force, overload = chain.record(body, drift[1:-1] + pick_up[:, None])
-    tares = []
+    tares: list[tuple[float, Array]] = []
+    if settings.run == "wind_off":
+        return force, overload, (), gain
     for start, zero in zip(zero_at, (drift[0], drift[-1]), strict=True):
         tares.append((float(start), chain.record(_hanging(settings), zero)[0]))
     return force, overload, tuple(tares), gain
+
+
+def _sensor(settings: Synthesis, rng: np.random.Generator) -> tuple[float, Array]:
+    """Gain and zero of the force sensor: of this recording, or those of a sensor used for several."""
+    art = settings.artefacts
+
+    def draw(source: np.random.Generator) -> tuple[float, Array]:
+        gain = 1.0 + art.gain_error * float(source.standard_normal())
+        return gain, source.uniform(-1.0, 1.0, 6) * art.force_offset * np.array([1, 1, 1, 0.01, 0.01, 0.01])
+
+    drawn = draw(rng)  # also when not used, so that the rest of the recording stays the same
+    return drawn if settings.sensor_seed is None else draw(np.random.default_rng(settings.sensor_seed))
 
 
 def _hanging(settings: Synthesis) -> Array:
@@ -261,9 +285,10 @@ class _Chain:
         self.gain, self.offsets, self.rng = gain, offsets, rng
 
     def record(self, body: Array, zero: Array) -> tuple[Array, NDArray[np.bool_]]:
-        tilt = np.radians(self.art.misalignment_deg)
-        turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
-        force = self.gain * (body @ turn.T) + zero + self.offsets[:3]
+        tilt, yaw = np.radians(self.art.misalignment_deg), np.radians(self.art.misalignment_yaw_deg)
+        pitched = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+        yawed = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        force = self.gain * (body @ pitched.T @ yawed.T) + zero + self.offsets[:3]
         moment = np.stack([0.002 * force[:, 1], -0.030 * force[:, 2], 0.030 * force[:, 1]], axis=1)
         moment = moment + self.offsets[3:]
         force = force + self.art.white_noise * self.rng.standard_normal(force.shape)
@@ -285,8 +310,10 @@ def _power(
     n = round(settings.seconds * ins.power_rate)
     time = clock.true(np.arange(n) / ins.power_rate)
     point = _setting(settings)
-    mean = drive.electrical_power(settings.power_model, point)
-    slopes = _power_slopes(settings.power_model, point)
+    mean, slopes = drive.ELECTRONICS, (0.0, 0.0, 0.0)  # the motor stands still
+    if settings.run == "flapping":
+        mean = drive.electrical_power(settings.power_model, point)
+        slopes = _power_slopes(settings.power_model, point)
     level = mean + sum(
         slope * (motion.at(name, time) - value)
         for name, value, slope in (
@@ -299,7 +326,10 @@ def _power(
     power = np.maximum(level, 0.05) * shape
     voltage, current = drive.supply(power, art.source_resistance)
     ripple = art.commutation * np.sin(250.0 * motion.at("phase", time))  # many segments per wing beat
-    recorded = current * (1.0 + ripple) + art.shunt_offset
+    recorded = current * (1.0 + ripple)
+    if art.channel_skew:
+        recorded = np.interp(time - art.channel_skew, time, recorded)
+    recorded = recorded + art.shunt_offset
     noise = rng.standard_normal((2, n))
     true_mean = float(np.mean(power))
     return (
@@ -344,13 +374,14 @@ def _camera(
     chance = rng.random(n)
     repeats = np.where(chance < art.frame_drop, 0, 1)
     repeats[chance > 1.0 - art.frame_duplicate] = 2
+    stamps = stamps + art.rolling_stamp * np.mod(stamps * ROLLING, 1.0)
     return np.repeat(stamps, repeats), np.repeat(values, repeats)
 
 
 def _tunnel(settings: Synthesis, motion: Motion, clock: Clock) -> tuple[Array, Array]:
     n = round(settings.seconds * settings.instruments.wind_rate)
     stamps = np.arange(n) / settings.instruments.wind_rate
-    return stamps, motion.at("airspeed", clock.true(stamps))
+    return stamps, motion.at("airspeed", clock.true(stamps)) / (1.0 + settings.artefacts.blockage)
 
 
 def _truth(settings: Synthesis, motion: Motion, clocks: dict[str, Clock], power: float, gain: float) -> Truth:
@@ -369,8 +400,8 @@ def _truth(settings: Synthesis, motion: Motion, clocks: dict[str, Clock], power:
         seed=settings.seed,
         power_model=settings.power_model,
         flapping_frequency_hz={
-            "mean": settings.flapping_frequency,
-            "std": settings.flapping_frequency * spread.frequency_relative,
+            "mean": _setting(settings).frequency,
+            "std": _setting(settings).frequency * spread.frequency_relative,
             "realised_mean": float(motion.frequency[inside].mean()),
         },
         angle_of_attack_deg={

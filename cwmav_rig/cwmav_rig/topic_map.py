@@ -54,7 +54,24 @@ class ForceRole:
     pitch_deg: float = setting(
         0.0, "pitch of the sensor to the vehicle, nose up positive", unit="deg", ge=-180, le=180
     )
+    pitch_std_deg: float = setting(0.5, "standard uncertainty of that pitch", unit="deg", ge=0, le=30)
+    alignment: str = setting(
+        "given",
+        "where the pitch comes from: pitch_deg, or the weight in wind-off runs at several angles",
+        choices=("given", "tare"),
+    )
     gain: float = setting(1.0, "factor from the recorded to the true force", gt=0)
+    gain_std: float = setting(0.01, "standard uncertainty of the gain, relative", ge=0, le=1)
+    range_xy: float = setting(0.0, "range of the transverse force; 0: not known", unit="N", ge=0)
+    range_z: float = setting(0.0, "range of the axial force; 0: not known", unit="N", ge=0)
+    resolution: float = setting(0.00625, "least count of the force", unit="N", ge=0)
+    zero_walk: float = setting(
+        0.001, "random walk of the zero, for what it did between wind-off runs", unit="N/sqrt(s)", ge=0
+    )
+    temperature: str = setting("", "topic of the temperature of the sensor")
+    temperature_coefficient: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0), "change of the zero of x, y, z with temperature", unit="N/K"
+    )
     clock: str = setting("force", "name of the instrument's clock among the trigger edges")
 
 
@@ -63,6 +80,19 @@ class PowerRole:
     """Electrical power in one topic."""
 
     topic: str = setting("", "topic that carries voltage and current; empty when not recorded")
+    current_delay: float = setting(
+        0.0, "time by which the current channel lags the voltage channel", unit="s", ge=-0.01, le=0.01
+    )
+    voltage_gain_std: float = setting(0.01, "standard uncertainty of the voltage gain, relative", ge=0, le=1)
+    current_gain_std: float = setting(0.01, "standard uncertainty of the current gain, relative", ge=0, le=1)
+    current_zero_std: float = setting(0.002, "standard uncertainty of the current zero", unit="A", ge=0)
+    phase_lag_deg: float | None = setting(
+        None,
+        "phase lag to the force, from a recording with trigger; aligns one without",
+        unit="deg",
+        ge=-180,
+        le=180,
+    )
     clock: str = setting("power", "name of the instrument's clock among the trigger edges")
 
 
@@ -81,6 +111,16 @@ class AngleRole:
     topic: str = setting("", "topic of the angle; empty when not recorded")
     gain: float = setting(1.0, "factor from the recorded to the true angle; -1 when nose down is positive")
     offset_deg: float = setting(0.0, "added to the angle", unit="deg", ge=-180, le=180)
+    zero_std_deg: float = setting(
+        0.1, "standard uncertainty of the zero of the angle", unit="deg", ge=0, le=30
+    )
+    phase_lag_deg: float | None = setting(
+        None,
+        "phase lag to the force, from a recording with trigger; aligns one without",
+        unit="deg",
+        ge=-180,
+        le=180,
+    )
     clock: str = setting("camera", "name of the instrument's clock among the trigger edges")
     camera_info: str = setting("", "CameraInfo topic of camera frames; the one beside them when empty")
     camera: AngleSettings = field(default_factory=AngleSettings)
@@ -92,8 +132,12 @@ class WindRole:
 
     topic: str = setting("", "topic of the wind; empty when not recorded")
     gain: float = setting(1.0, "factor from the recorded to the true airspeed; -1 when it points downstream")
-    temperature: str = setting("", "topic of the air temperature, for a pitot pressure")
-    ambient_pressure: float = setting(101_325.0, "static pressure, for a pitot pressure", unit="Pa", gt=0)
+    gain_std: float = setting(
+        0.01, "standard uncertainty of the gain with the blockage of the tunnel, relative", ge=0, le=1
+    )
+    temperature: str = setting("", "topic of the air temperature, for a pitot pressure and the air density")
+    pressure: str = setting("", "topic of the static pressure (FluidPressure); ambient_pressure when empty")
+    ambient_pressure: float = setting(101_325.0, "static pressure where it is not recorded", unit="Pa", gt=0)
     clock: str = setting("tunnel", "name of the instrument's clock among the trigger edges")
 
 
@@ -115,13 +159,14 @@ class TopicMap:
     angle_of_attack: AngleRole = field(default_factory=AngleRole)
     wind: WindRole = field(default_factory=WindRole)
     trigger: TriggerRole = field(default_factory=TriggerRole)
-    tare: str = setting("", "recording of the wind-off run, or none")
+    tare: str = setting("", "none, where the zero and the weight are to stay in the force")
+    tare_recordings: tuple[str, ...] = setting((), "recordings of wind-off runs")
     tare_topic: str = setting("", "topic of wind-off blocks within the recording")
 
     @property
     def tare_said(self) -> bool:
         """True when the map says where the tare is, or that there is none."""
-        return bool(self.tare or self.tare_topic)
+        return bool(self.tare or self.tare_topic or self.tare_recordings)
 
     def topics(self) -> dict[str, str]:
         """Role and topic of everything named."""
@@ -134,6 +179,8 @@ class TopicMap:
             "camera_info": self.angle_of_attack.camera_info,
             "wind": self.wind.topic,
             "temperature": self.wind.temperature,
+            "ambient_pressure": self.wind.pressure,
+            "sensor_temperature": self.force.temperature,
             "trigger": self.trigger.topic,
             "tare": self.tare_topic,
         }
@@ -149,6 +196,8 @@ _TYPES: dict[str, tuple[str, ...]] = {
     "camera_info": CAMERA_INFO_TYPES,
     "wind": WIND_TYPES,
     "temperature": TEMPERATURE_TYPES,
+    "ambient_pressure": ("sensor_msgs/msg/FluidPressure",),
+    "sensor_temperature": TEMPERATURE_TYPES,
     "trigger": TRIGGER_TYPES,
     "tare": FORCE_TYPES,
 }
@@ -166,29 +215,35 @@ def load_topic_map(path: str | Path) -> TopicMap:
     topic_map = from_plain(read_yaml(path), str(path))
     if topic_map.force.topic and not topic_map.tare_said:
         raise InputError(
-            f"{path}: 'tare' is missing; give the recording of the wind-off run, {{topic: ..}} of wind-off"
+            f"{path}: 'tare' is missing; give the recordings of wind-off runs, {{topic: ..}} of wind-off"
             " blocks, or say 'none' (the weight is then part of the lift)"
         )
-    base = Path(path).parent
-    if topic_map.tare and topic_map.tare != "none" and not Path(topic_map.tare).is_absolute():
-        topic_map = replace(topic_map, tare=str(base / topic_map.tare))
-    return topic_map
+    base = Path(path).parent  # an absolute name stays what it is
+    return replace(topic_map, tare_recordings=tuple(str(base / name) for name in topic_map.tare_recordings))
 
 
 def from_plain(content: Mapping[str, Any], source: str) -> TopicMap:
     """Build a topic map from nested plain values; see :func:`load_topic_map`."""
-    values = dict(content)
-    tare = values.get("tare")
-    if isinstance(tare, Mapping):
-        if set(tare) != {"topic"}:
-            raise InputError(
-                f"{source}: 'tare' is {dict(tare)!r}; allowed: none, a recording, or {{topic: ..}}"
-            )
-        values["tare"] = ""
-        values["tare_topic"] = str(tare["topic"])
-    elif tare is None and "tare" in values:
-        values["tare"] = "none"
+    values = {**content, **_tare_values(content["tare"], source)} if "tare" in content else dict(content)
     return from_mapping(TopicMap, values, source)
+
+
+def _tare_values(tare: Any, source: str) -> dict[str, Any]:
+    """Read what a map says of the tare: none, a recording, several, or {topic: .., recordings: ..}."""
+    if tare is None or tare == "none":
+        return {"tare": "none"}
+    if tare == "":
+        return {"tare": ""}
+    if isinstance(tare, str):
+        return {"tare": "", "tare_recordings": (tare,)}
+    if isinstance(tare, list) and tare and all(isinstance(name, str) for name in tare):
+        return {"tare": "", "tare_recordings": tuple(tare)}
+    if isinstance(tare, Mapping) and tare and set(tare) <= {"topic", "recordings"}:
+        found = _tare_values(tare["recordings"], source) if "recordings" in tare else {"tare": ""}
+        return {**found, "tare_topic": str(tare.get("topic", ""))}
+    raise InputError(
+        f"{source}: 'tare' is {tare!r}; allowed: none, a recording, a list of recordings, or {{topic: ..}}"
+    )
 
 
 def resolve(recording: Recording, topic_map: TopicMap | None) -> TopicMap:

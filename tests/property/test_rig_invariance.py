@@ -80,14 +80,14 @@ def test_shifting_all_clocks_changes_nothing(bag, tmp_path_factory, shift):
     same(analyse(copy), analyse(bag), rel=1e-7)
 
 
-@given(factor=st.floats(0.01, 100.0))
+@given(factor=st.floats(0.01, 5.0))  # a drift of the zero that grew with more is refused
 @FEW
 def test_scaling_the_force_scales_lift_and_nothing_else(samples, factor):
     data, topic_map = samples
     scaled = replace(
         data,
         force=replace(data.force, values=factor * data.force.values),
-        tares=tuple((time, factor * value) for time, value in data.tares),
+        tares=tuple(replace(run, wrench=factor * run.wrench) for run in data.tares),
     )
     found = analyse_data(scaled, topic_map, source="scaled")
     expected = analyse_data(data, topic_map, source="as is")

@@ -11,11 +11,12 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from cwmav_common import interfaces
 from cwmav_common.mcap_io import BagWriter, Message, open_recording
-from cwmav_rig.synthesis_settings import Instruments, Synthesis
+from cwmav_rig.synthesis_settings import Artefacts, Instruments, Synthesis
 
 SMALL = Synthesis(
     seconds=6.0,
     seed=3,
+    artefacts=Artefacts(thermal=0.0),  # so that maps without the temperature of the sensor give the same
     instruments=Instruments(force_rate=2000.0, power_rate=2000.0, camera_rate=200.0, tare_seconds=0.2),
 )
 Translated = Iterable[tuple[str, str, Any]]

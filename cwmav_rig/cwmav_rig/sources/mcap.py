@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,12 @@ from cwmav_common.cdr import Columns, Group
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import Batch, Recording, open_recording
 from cwmav_rig import airspeed
+from cwmav_rig.align import renumbered
 from cwmav_rig.blocks import Assembler, Block, Series, series
-from cwmav_rig.topic_map import CAMERA_TYPES, TopicMap
+from cwmav_rig.calibration import TareRun
+from cwmav_rig.power import Deskew
+from cwmav_rig.sources.tare import TareCollector, run_of_block
+from cwmav_rig.topic_map import CAMERA_TYPES, AngleRole, TopicMap
 
 if TYPE_CHECKING:
     from cwmav_rig.angle.reader import PictureReader
@@ -51,7 +56,10 @@ class RigData:
     angle: Series | None = None
     wind: Series | None = None
     edges: dict[str, dict[int, float]] = field(default_factory=dict)
-    tares: tuple[tuple[float, Array], ...] = ()
+    tares: tuple[TareRun, ...] = ()
+    sensor_temperature: Series | None = None
+    air_temperature: Series | None = None
+    ambient_pressure: Series | None = None
     undecodable: int = 0
 
 
@@ -71,20 +79,23 @@ def load(recording: Recording, topic_map: TopicMap) -> RigData:
     if reader.pictures is not None:
         reader.pictures.require_calibration()
     data = reader.data(last=True)
-    if topic_map.tare and topic_map.tare != "none":
-        return replace(data, tares=_tare_recording(topic_map))
-    return data
+    others = [_tare_recording(path, topic_map, begin) for path in topic_map.tare_recordings]
+    return replace(data, tares=(*data.tares, *others)) if others else data
 
 
-def _tare_recording(topic_map: TopicMap) -> tuple[tuple[float, Array], ...]:
-    only_force = TopicMap(force=topic_map.force, tare="none")
-    with open_recording(topic_map.tare) as recording:
-        if topic_map.force.topic not in recording.topics:
-            raise InputError(f"{topic_map.tare}: tare recording has no topic {topic_map.force.topic!r}")
-        block = load(recording, only_force).force
-    if block is None or not block.good.any():
-        raise InputError(f"{topic_map.tare}: tare recording has no force samples")
-    return ((0.0, block.values[block.good].mean(axis=0)),)
+def _tare_recording(path: str, topic_map: TopicMap, origin_ns: int) -> TareRun:
+    """Read a wind-off run; its attitude comes from the same angle topic as that of the flapping run."""
+    with open_recording(path) as recording:
+        for name in {topic_map.force.topic, topic_map.force.temperature} - {""}:
+            if name not in recording.topics:
+                raise InputError(f"{path}: tare recording has no topic {name!r}")
+        angle = topic_map.angle_of_attack
+        if angle.topic not in recording.topics:
+            angle = AngleRole()
+        data = load(recording, TopicMap(force=topic_map.force, angle_of_attack=angle, tare="none"))
+    if data.force is None or not data.force.good.any():
+        raise InputError(f"{path}: tare recording has no force samples")
+    return run_of_block(data.force, data.angle, (data.origin_ns - origin_ns) * 1e-9, Path(path).name)
 
 
 class RigReader:
@@ -106,12 +117,15 @@ class RigReader:
         self.path = source
         self.undecodable = 0
         self.bin_rate = bin_rate
-        self.force = Assembler(FORCE_NAMES, bin_rate)
+        ranges = (*[topic_map.force.range_xy] * 2, topic_map.force.range_z, 0.0, 0.0, 0.0)
+        self.force = Assembler(FORCE_NAMES, bin_rate, np.array(ranges))
         self.power = Assembler(POWER_NAMES, bin_rate)
+        self._deskew = Deskew(topic_map.power.current_delay)
         self.singles: dict[str, list[tuple[Array, Array]]] = {}
         self.pending: dict[str, list[tuple[Array, Array]]] = {}
         self.edges: dict[str, dict[int, float]] = {}
-        self.tares: list[tuple[float, Array]] = []
+        self.tares = TareCollector()
+        self._unnumbered: set[str] = set()
         self.roles: dict[str, list[str]] = {}
         for role, topic in topic_map.topics().items():
             self.roles.setdefault(topic, []).append(role)
@@ -156,8 +170,11 @@ class RigReader:
             power=self.power.finish(last=last) if electrical is None else electrical,
             angle=self._angle(),
             wind=self._wind(),
-            edges=self.edges,
-            tares=tuple(sorted(self.tares, key=lambda tare: tare[0])),
+            edges=self._numbered_edges(),
+            tares=self.tares.runs(),
+            sensor_temperature=self._scalar("sensor_temperature", lambda values: values[:, 0]),
+            air_temperature=self._scalar("temperature", lambda values: values[:, 0]),
+            ambient_pressure=self._scalar("ambient_pressure", lambda values: values[:, 0]),
             undecodable=self.undecodable,
         )
 
@@ -219,8 +236,9 @@ class RigReader:
             current = group.columns["current"][order].astype(float)
             if voltage.shape != current.shape:
                 raise InputError(f"{self.path}: {batch.topic.name} has blocks of unequal voltage and current")
-            data = np.stack([voltage, current, voltage * current], axis=2)
             sequence = group.columns["sequence"][order].astype(np.int64)
+            voltage, current = self._deskew.apply(voltage, current, sequence, rate)
+            data = np.stack([voltage, current, voltage * current], axis=2)
             none = np.zeros(len(order), np.int64)
             self.power.add_blocks(self._seconds(group, batch)[order], rate, sequence, none, data)
 
@@ -267,23 +285,35 @@ class RigReader:
                 known = self.edges.setdefault(clock, {})
                 number = len(known) if header else round(float(group.columns["value"][row]))
                 known[number] = float(seconds[row])
+                if header:
+                    self._unnumbered.add(clock)
+
+    def _numbered_edges(self) -> dict[str, dict[int, float]]:
+        """Edges by clock; those that carry no number get that of the force sensor's edge they belong to."""
+        reference = self.edges.get(self.map.force.clock, {})
+        return {
+            clock: renumbered(reference, edges) if clock in self._unnumbered else edges
+            for clock, edges in self.edges.items()
+        }
 
     def _tare(self, batch: Batch) -> None:
         if batch.topic.type_name == "geometry_msgs/msg/WrenchStamped":
             stamps, values = self._samples(batch, _WRENCH)
-            if len(stamps):
-                self.tares.append((float(stamps.mean()), values.mean(axis=0)))
+            for stamp, value in zip(stamps.tolist(), values, strict=True):
+                self.tares.add(stamp, 0.0, value[None])
             return
-        for group in self._groups(batch, (*_STAMP, "data")):
-            stamps = self._seconds(group, batch)
-            for stamp, data in zip(stamps.tolist(), group.columns["data"], strict=True):
+        for group in self._groups(batch, (*_STAMP, "sample_rate_hz", "data")):
+            rows = zip(
+                self._seconds(group, batch).tolist(),
+                group.columns["sample_rate_hz"].tolist(),
+                group.columns["data"],
+                strict=True,
+            )
+            for stamp, rate, data in rows:
                 samples = data.reshape(-1, 6).astype(float)
-                good = np.isfinite(samples).all(axis=1)
-                if good.any():
-                    self.tares.append((stamp, samples[good].mean(axis=0)))
+                self.tares.add(stamp, len(samples) / rate if rate > 0 else 0.0, samples)
 
-    # --- roles made of single samples
-    # --------------------------------------------------------------------------
+    # --- roles made of single samples ----------------------------------------------------------------------
 
     def _joined(self, role: str) -> tuple[Array, Array] | None:
         parts = [part for part in self.singles.get(role, []) if len(part[0])]
@@ -321,7 +351,13 @@ class RigReader:
                     f"{self.path}: wind is a pressure; map its air temperature as wind: {{temperature: ..}}"
                 )
             celsius = np.interp(stamps, temperature.time, temperature.values)
-            speed = airspeed.from_pitot(values[:, 0], celsius, role.ambient_pressure)
+            pressure = self._scalar("ambient_pressure", lambda found: found[:, 0])
+            static = (
+                np.interp(stamps, pressure.time, pressure.values)
+                if pressure is not None
+                else np.full(len(stamps), role.ambient_pressure)
+            )
+            speed = role.gain * airspeed.from_pitot(values[:, 0], celsius, static)
         else:
             speed = role.gain * values[:, 0]
         return series(stamps, speed)

@@ -184,7 +184,7 @@ def test_too_much_damage_is_refused_with_the_reason(tmp_path):
 
 
 def test_a_map_that_does_not_fit_is_refused(small_bag):
-    with pytest.raises(InputError, match=r"no topic '/nope' for role force; topics are: /rig/airspeed"):
+    with pytest.raises(InputError, match=r"no topic '/nope' for role force; topics are: /rig/air_pressure"):
         analyse(small_bag, mapped(force={"topic": "/nope"}))
     with pytest.raises(InputError, match=r"role wind accepts: geometry_msgs"):
         analyse(small_bag, mapped(wind={"topic": "/rig/wrench"}))
@@ -192,7 +192,7 @@ def test_a_map_that_does_not_fit_is_refused(small_bag):
         analyse(small_bag, mapped(power=None, voltage={"topic": "/rig/trigger"}))
     with pytest.raises(InputError, match="no force samples"):
         analyse(small_bag, mapped(force=None))
-    with pytest.raises(InputError, match=r"unknown key 'force\.axis'; allowed here: axis_lift"):
+    with pytest.raises(InputError, match=r"unknown key 'force\.axis'; allowed here: alignment, axis_lift"):
         mapped(force={"topic": "/x", "axis": "z"})
     with pytest.raises(InputError, match="'tare' is"):
         mapped(tare={"file": "x"})

@@ -89,8 +89,21 @@ def test_nan_overload_and_stuck_samples_mask_their_bins():
     add(assembler, 310, data[310:])
     block = assembler.finish()
     assert np.flatnonzero(~block.good).tolist() == [10, 30, 50, 51, 52, 53]
-    assert block.faults == {"nan": 11, "stuck": 40, "overload": 3}
+    assert block.faults == {"nan": 1, "stuck": 40, "overload": 3, "beside_overload": 7}
     assert block.bad == 51
+
+
+def test_samples_at_the_end_of_the_range_are_masked_and_account_for_the_flags():
+    assembler, data = Assembler(("a", "b"), ranges=np.array([8.0, 0.0])), ramp(1000) * 1e-3
+    data[205:207, 0] = [8.0, -8.0]
+    data[600, 1] = 50.0  # of unknown range
+    add(assembler, 0, data[:200])
+    add(assembler, 200, data[200:300], overload=2)
+    add(assembler, 300, data[300:])
+    block = assembler.finish()
+    assert np.flatnonzero(~block.good).tolist() == [20]
+    assert block.faults == {"overload": 2, "saturated": 2}
+    assert block.bad == 2
 
 
 def test_late_stamps_do_not_bend_the_time_base():
