@@ -85,7 +85,7 @@ def fit_phase(
     PhaseFit or None
         None when the stream does not show the flapping or is too short.
     """
-    sampled = _uniform(stream, column)
+    sampled = uniform(stream, column)
     if sampled is None or len(bounds) < 16:
         return None
     time, values, good = sampled
@@ -107,7 +107,7 @@ def fit_phase(
 
 def lag_of(bounds: Array, stream: Block | Series, column: str = "") -> tuple[float, int] | None:
     """Lag [rad] and harmonic of a stream whose clock already agrees with the force's."""
-    sampled = _uniform(stream, column)
+    sampled = uniform(stream, column)
     if sampled is None or len(bounds) < 16:
         return None
     time, values, good = sampled
@@ -121,8 +121,11 @@ def lag_of(bounds: Array, stream: Block | Series, column: str = "") -> tuple[flo
     return float(np.angle(mean)), harmonic
 
 
-def _uniform(stream: Block | Series, column: str) -> tuple[Array, Array, NDArray[np.bool_]] | None:
-    """Lay a stream with its usable places on a uniform grid; gaps are bridged and marked."""
+def uniform(stream: Block | Series, column: str) -> tuple[Array, Array, NDArray[np.bool_]] | None:
+    """Lay a stream on a uniform grid: times, values, usable places (n,) each; None when it is too short.
+
+    Gaps are filled with the mean, in a series with a straight line, and marked.
+    """
     if isinstance(stream, Block):
         values = stream.column(column)
         time, good = stream.time, np.isfinite(values)

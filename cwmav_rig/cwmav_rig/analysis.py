@@ -25,8 +25,10 @@ from cwmav_rig.budget import Measured, budgets
 from cwmav_rig.correlation import correlations
 from cwmav_rig.cycles import Cycles, find_cycles
 from cwmav_rig.loads import Loads, lift_and_drag
+from cwmav_rig.raw_spectrum import remarks
 from cwmav_rig.report import RigReport
 from cwmav_rig.sources.mcap import RigData, load
+from cwmav_rig.spectra import mount_resonance, power_spectrum
 from cwmav_rig.streams import (
     LARGEST_BAD_SHARE,
     aligned,
@@ -125,8 +127,10 @@ def study_data(
         raise InputError(f"{source}: no force samples in the window")
     streams = {"force": force, "power": data.power, "angle_of_attack": data.angle, "wind": data.wind}
     problems = refuse_bad(source, streams)
+    if force.spectrum is not None:
+        problems += [f"{source}: force {remark}" for remark in remarks(force.spectrum, force.names)[:2]]
     cycles = _cycles(force, source)
-    data, clocks, clock_notes, remarks = _by_flapping(data, topic_map, cycles, clocks)
+    data, clocks, clock_notes, clock_remarks = _by_flapping(data, topic_map, cycles, clocks)
     angle, angle_cycles = _scatter(data.angle, cycles)
     wind, wind_cycles = _scatter(data.wind, cycles)
     loads = lift_and_drag(
@@ -176,12 +180,13 @@ def study_data(
         cycles=cycles.number,
         clocks=clocks,
         rejected=_rejected(cycles, streams, lost, data.undecodable),
-        problems=(*problems, *remarks, *loads.notes, *notes),
+        problems=(*problems, *clock_remarks, *loads.notes, *notes),
         seconds=seconds,
         end_ns=data.origin_ns + round((force.start + len(force.values) * force.step) * 1e9),
         clock_notes=clock_notes,
         correlations=correlations(per_cycle),
         budgets=table,
+        mount_resonance=_resonance(force, float(spreads["F"].mean)),
         air_density=_density(data, topic_map),
         channel_delay=None if data.power is None else power.channel_delay(data.power, cycles.bounds),
     )
@@ -219,22 +224,20 @@ def _by_flapping(
         "angle_of_attack": topic_map.angle_of_attack.phase_lag_deg,
         "wind": None,
     }
-    found, notes, remarks = dict(clocks), {}, []
+    found, notes, said = dict(clocks), {}, []
     for role, (stream, column) in streams.items():
         if stream is None:
             continue
         if role in clocks:
             notes[role] = _checked(cycles, stream, column, clocks[role])
             if clocks[role].residual > WORST_RESIDUAL:
-                remarks.append(
-                    f"clock of {role}: trigger edges scatter by {clocks[role].residual * 1e3:.2f} ms"
-                )
+                said.append(f"clock of {role}: trigger edges scatter by {clocks[role].residual * 1e3:.2f} ms")
             continue
         lag = lags[role]
         fit = fit_phase(cycles.bounds, stream, column, None if lag is None else float(np.radians(lag)))
         if fit is None or fit.offset_std > WORST_OFFSET:
             notes[role] = {"method": "none"}
-            remarks.append(f"clock of {role}: no trigger edges and no clear flapping in it; taken as it is")
+            said.append(f"clock of {role}: no trigger edges and no clear flapping in it; taken as it is")
             continue
         found[role] = fit.clock
         notes[role] = {
@@ -242,12 +245,12 @@ def _by_flapping(
             "offset_std_s": fit.offset_std,
             "phase_lag_deg": float(np.degrees(fit.lag)),
         }
-        remarks.append(
+        said.append(
             f"clock of {role}: aligned by the flapping, offset {fit.clock.offset * 1e3:+.2f}"
             f" +- {fit.offset_std * 1e3:.2f} ms"
         )
     added = {role: clock for role, clock in found.items() if role not in clocks}
-    return on_one_clock(data, added), found, notes, remarks
+    return on_one_clock(data, added), found, notes, said
 
 
 def _checked(cycles: Cycles, stream: Block | Series, column: str, clock: align.ClockFit) -> dict[str, Any]:
@@ -294,6 +297,11 @@ def _cycle_values(
     counts = np.bincount(owner[inside], minlength=m)
     sums = np.bincount(owner[inside], factor * stream.values[inside], m)
     return np.where(whole & (counts > 0), sums / np.maximum(counts, 1), np.nan)
+
+
+def _resonance(force: Block, flapping: float) -> float | None:
+    found = [power_spectrum(force, name) for name in ("fx", "fz")]
+    return mount_resonance([spectrum for spectrum in found if spectrum is not None], flapping)
 
 
 def _density(data: RigData, topic_map: TopicMap) -> float | None:

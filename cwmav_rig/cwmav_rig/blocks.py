@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cwmav_rig.raw_spectrum import Spectrum, SpectrumCollector
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -40,6 +42,8 @@ class Block:
         Raw samples that should be there, and those missing or masked.
     faults
         Counts of what was found wrong, by name.
+    spectrum
+        Power spectral density of the raw samples; None with too few.
     """
 
     start: float
@@ -49,6 +53,7 @@ class Block:
     samples: int = 0
     bad: int = 0
     faults: Counter[str] = field(default_factory=Counter)
+    spectrum: Spectrum | None = field(default=None, compare=False, repr=False)
 
     @property
     def time(self) -> Array:
@@ -137,6 +142,7 @@ class Assembler:
         self._held: Array = np.empty((0, len(names)))
         self._anchors: list[tuple[int, float]] = []
         self._bad = 0
+        self._spectrum = SpectrumCollector(len(names))
 
     def add_blocks(
         self, stamps: Array, rate: float, sequences: Indices, overload: Indices, data: Array
@@ -207,7 +213,16 @@ class Assembler:
         start, step = self._time_base()
         middle = (first * self._bin + 0.5 * (self._bin - 1)) * step
         expected = self._next - self._anchors[0][0]
-        return Block(start + middle, step * self._bin, self.names, values, expected, self._bad, +self.faults)
+        return Block(
+            start + middle,
+            step * self._bin,
+            self.names,
+            values,
+            expected,
+            self._bad,
+            +self.faults,
+            self._spectrum.result(self.rate),
+        )
 
     @property
     def latest(self) -> float:
@@ -289,6 +304,7 @@ class Assembler:
         if bad.any():
             data = data.copy()
             data[bad] = np.nan
+        self._spectrum.add(index, data)
         index = np.concatenate((self._held_index, index))
         data = np.concatenate((self._held, data))
         last = index[-1] // self._bin

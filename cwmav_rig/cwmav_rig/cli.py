@@ -73,17 +73,39 @@ def uncertainty(
     bag: Annotated[Path, typer.Argument(help="An .mcap file or a rosbag2 folder.")],
     topics: Annotated[Path | None, typer.Option(help="Topic map (YAML).")] = None,
     window: Annotated[tuple[float, float] | None, typer.Option(help="Begin and end [s].")] = None,
+    budget: Annotated[bool, typer.Option("--budget", help="Also print the uncertainty budgets.")] = False,
     as_json: Json = False,
 ) -> None:
     """Estimate the scatter of F, AoA, U, lift and power with 95 % intervals."""
     from cwmav_rig.analysis import analyse
-    from cwmav_rig.text import report_lines
+    from cwmav_rig.text import budget_lines, report_lines
     from cwmav_rig.topic_map import load_topic_map
 
     report = analyse(bag, load_topic_map(topics) if topics else None, window=window)
     for problem in report.problems:
         message(problem)
-    emit(report.to_json(), as_json, report_lines(report))
+    lines = [*report_lines(report), *(budget_lines(report) if budget else ())]
+    emit(report.to_json(), as_json, lines)
+
+
+@cli.command()
+def plot(
+    bag: Annotated[Path, typer.Argument(help="An .mcap file or a rosbag2 folder.")],
+    out: Annotated[Path, typer.Option(help="Folder for pictures and tables.")],
+    topics: Annotated[Path | None, typer.Option(help="Topic map (YAML).")] = None,
+    window: Annotated[tuple[float, float] | None, typer.Option(help="Begin and end [s].")] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw spectra, densities, cycles, phase averages and correlations of a recording; write the tables."""
+    from cwmav_rig.analysis import study
+    from cwmav_rig.plots import write_all
+    from cwmav_rig.topic_map import load_topic_map
+
+    found = study(bag, load_topic_map(topics) if topics else None, window=window)
+    for problem in found.report.problems:
+        message(problem)
+    written = [str(path) for path in write_all(found, out)]
+    emit({"bag": str(bag), "files": written, "synthetic": found.report.synthetic}, as_json, written)
 
 
 @cli.command()

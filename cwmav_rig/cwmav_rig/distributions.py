@@ -68,8 +68,8 @@ def fit_distributions(values: Array, effective: float) -> tuple[Fit, ...]:
     """
     sample = values[:: len(values) // LARGEST_SAMPLE + 1]
     width = float(sample.std())
-    if width == 0.0:
-        return ()
+    if width <= 1e-12 * float(np.abs(sample).max()):
+        return ()  # one value, but for rounding
     z = np.sort((sample - sample.mean()) / width)
     number = max(min(effective, float(len(sample))), 4.0)
     fits = [_assess(candidate, z, number) for candidate in candidates(z)]

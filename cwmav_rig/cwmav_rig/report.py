@@ -64,6 +64,7 @@ class RigReport:
     budgets: Mapping[str, Budget] = field(default_factory=dict)
     channel_delay: float | None = None
     air_density: float | None = None
+    mount_resonance: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Give the keys of the public contract and some more."""
@@ -86,6 +87,7 @@ class RigReport:
             "budget": {name: budget.to_json() for name, budget in self.budgets.items()},
             "channel_delay_s": self.channel_delay,
             "air_density_kg_m3": self.air_density,
+            "mount_resonance_hz": self.mount_resonance,
             "rejected": dict(self.rejected),
             "problems": list(self.problems),
             "seconds": self.seconds,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwmav_rig.analysis import RigReport
+from cwmav_rig.report import RigReport
 from cwmav_rig.uncertainty import Spread
 
 
@@ -26,12 +26,25 @@ def report_lines(report: RigReport) -> Iterator[str]:
     for name, spread, unit, factor, digits, finer in rows:
         yield f"      {name:6s}{_numbers(spread, unit, factor, digits, finer)}"
     for name, clock in report.clocks.items():
+        by = report.clock_notes.get(name, {}).get("method", "trigger")
         yield (
             f"      clock of {name}: {clock.offset * 1e3:+.3f} ms, {clock.skew * 1e6:+.1f} ppm,"
-            f" residual {clock.residual * 1e3:.3f} ms"
+            f" residual {clock.residual * 1e3:.3f} ms, by {by}"
         )
     if report.rejected["cycles"]:
         yield f"      {report.rejected['cycles']} cycles left out: {report.rejected['reasons']}"
+
+
+def budget_lines(report: RigReport) -> Iterator[str]:
+    """Give the uncertainty budget of every mean, and the correlations between the quantities."""
+    for budget in report.budgets.values():
+        yield from budget.lines()
+    found = report.correlations
+    if found is not None:
+        yield "correlation  " + " ".join(f"{name:>13s}" for name in found.names)
+        for name, row, std in zip(found.names, found.matrix, found.std, strict=True):
+            cells = " ".join(f"{r:6.2f} +- {s:.2f}" for r, s in zip(row, std, strict=True))
+            yield f"    {name:9s}{cells}"
 
 
 def _numbers(spread: Spread | None, unit: str, factor: float, digits: int, finer: int) -> str:
