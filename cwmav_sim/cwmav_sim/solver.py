@@ -17,7 +17,7 @@ from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.integrate import correct, predict
 from cwmav_sim.sph.interaction import Interaction, Rates
 from cwmav_sim.sph.settings import FlowSettings
-from cwmav_sim.sph.sheet import Motion, Nodes
+from cwmav_sim.sph.sheet import Motion, Nodes, Solid
 from cwmav_sim.sph.state import Particles, lattice
 from cwmav_sim.sph.stream import relax
 from cwmav_sim.sph.surfaces import Sides
@@ -62,7 +62,7 @@ class Solver:
     settings : FlowSettings
         Numerics of the air.
     motion : Motion or None
-        The walls; None for air alone.
+        The walls; None for air alone. One that is :class:`Solid` too keeps the air out of its inside.
     airspeed : float
         Speed of the stream along x [m/s].
     highest_speed : float, optional
@@ -86,18 +86,22 @@ class Solver:
         self.sound_speed = fluid.effective_sound_speed(self._speed)
         self._eos = Tait(fluid.density, self.sound_speed, fluid.gamma, fluid.background_pressure)
         self._air, low, size = lattice(settings.box, resolution, fluid.density, self._stream)
+        walls: object = motion
+        if isinstance(walls, Solid):
+            self._air = self._air.without(walls.holds(self._air.x))
         self._grid = make_grid(
             low, size, self._h, mirrored=settings.box.symmetric, dimensions=settings.box.dimensions
         )
         self.timers = Timers()
         self._interaction = Interaction(settings, self._grid, self._eos, motion, self.timers)
-        self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0)
+        self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0, fluid.viscosity)
         self._sides: Sides | None = None
         self.time = 0.0
         self.steps = 0
         self.crossings = 0
         self.wall_impulse = np.zeros(3)
         self.fringe_impulse = np.zeros(3)
+        self.gravity_impulse = np.zeros(3)
 
     def step(self) -> StepInfo:
         """Advance by one time step.
@@ -127,6 +131,7 @@ class Solver:
         self.crossings += int(crossed.count.sum())
         pressure = middle_rates.pressure + crossed.impulse / dt
         self.wall_impulse += dt * (pressure + middle_rates.viscous).sum(axis=0)
+        self.gravity_impulse[2] -= dt * self._settings.fluid.gravity * self._air.mass * self.particles
         return StepInfo(
             self.time, dt, pressure, middle_rates.viscous, middle_rates.power, int(crossed.count.sum())
         )
@@ -159,7 +164,10 @@ class Solver:
             return
         begin = float(self._grid.low[0] + self._grid.size[0]) - fringe.width
         rho0 = self._settings.fluid.density
-        change = relax(air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt)
+        around = np.array([self._grid.low[2], self._grid.size[2] if fringe.around else 0.0])
+        change = relax(
+            air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt, around
+        )
         self.fringe_impulse += air.mass * change
 
     def _confine(self, air: Particles) -> None:
@@ -182,7 +190,8 @@ class Solver:
         acceleration = max(_largest(first.acceleration), _largest(second.acceleration))
         # Speeds beyond the expected ones shorten the step as a higher speed of sound would.
         signal = max(self.sound_speed, speed / self._settings.fluid.mach_limit)
-        return stable_step(self._settings.resolution.cfl, self._h, signal, acceleration)
+        cfl, viscosity = self._settings.resolution.cfl, self._settings.fluid.viscosity
+        return stable_step(cfl, self._h, signal, acceleration, viscosity)
 
     @property
     def particles(self) -> int:
@@ -213,6 +222,10 @@ class Solver:
     def identity(self) -> NDArray[np.int64]:
         """Numbers of the particles, in their present order, shape (n,)."""
         return self._air.identity
+
+    def set_pressure(self, pressure: FloatArray) -> None:
+        """Give the particles the densities that belong to pressures [Pa] without background, shape (n,)."""
+        self._air.rho[:] = self._eos.density_at(pressure)
 
     def momentum(self) -> FloatArray:
         """Momentum of the air [kg m/s], shape (3,)."""

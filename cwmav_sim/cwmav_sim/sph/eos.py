@@ -31,6 +31,12 @@ class Tait:
         """Constant B [Pa]."""
         return self.density * self.sound_speed**2 / self.gamma
 
+    def density_at(self, pressure: FloatArray) -> FloatArray:
+        """Return the density [kg/m3] at pressures [Pa] without background."""
+        return np.asarray(
+            self.density * (1.0 + pressure / self.stiffness) ** (1.0 / self.gamma), dtype=np.float64
+        )
+
     def pressure(self, rho: FloatArray) -> FloatArray:
         """Return the pressure [Pa] with background at densities ``rho`` [kg/m3]."""
         return np.asarray(

@@ -233,7 +233,7 @@ def walled_pass(
                             n,
                             area,
                         )
-                        sums_wall = sum_wall(a, element, area, n, wall_k)
+                        sums_wall = sum_wall(a, signed[channel, i], element, area, n, wall_k)
                         load[:] = 0.0
                         _add_wall(sums_wall, scale, a[6], i, rates, shift, load)
                         if channel >= panels:  # the force on an image is the mirror of one on the wall itself

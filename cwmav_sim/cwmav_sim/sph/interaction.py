@@ -85,7 +85,8 @@ class Interaction:
         self._grid, self._eos, self._timers = grid, eos, timers
         self._keep_diffusion = fluid.diffusion_near_wall == "keep"
         self._shifting = settings.shifting.coefficient > 0.0
-        self._quadrature = None if motion is None else _quadrature(settings, motion)
+        self._quadrature = None if motion is None else _quadrature(settings, motion, grid)
+        self._gravity = np.array([0.0, 0.0, -fluid.gravity])
         self.panels = 0 if self._quadrature is None else self._quadrature.panels
         self._pair_k = pair_constants(
             self.kernel.h,
@@ -102,6 +103,7 @@ class Interaction:
             eos.sound_speed,
             settings.sheet.approach_damping,
             fluid.density,
+            fluid.diffusion if self._keep_diffusion else 0.0,
             self.dtype,
         )
         # Fourtakas et al. (2019): 2 delta h c0.
@@ -122,7 +124,7 @@ class Interaction:
             with self._timers.phase("pairs"):
                 return self._unbounded(particles, sorting, fluid, column, shifting)
         with self._timers.phase("walls"):
-            placed = self._quadrature.place(nodes)
+            placed = self._quadrature.place(nodes).relative_to(self._gravity)
             surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
         with self._timers.phase("pairs"):
             return self._bounded(particles, sorting, fluid, column, surfaces, shifting)
@@ -166,6 +168,7 @@ class Interaction:
             shift,
         )
         sides = Sides.empty(0, particles.count, self.dtype)
+        rates[:3] += self._gravity[:, None]
         return _in_storage_order(sorting, rates, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
 
     def _bounded(
@@ -208,11 +211,16 @@ class Interaction:
             shift,
             loads,
         )
+        rates[:3] += self._gravity[:, None]
         return _in_storage_order(sorting, rates, shift, loads.sum(axis=0), sides)
 
 
-def _quadrature(settings: FlowSettings, motion: Motion) -> SheetQuadrature:
+def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuadrature:
     dp = settings.resolution.dp
+    periodic = (0, 2) if grid.mirrored or grid.dimensions == 2 else (0, 1, 2)
+    faces = [
+        (axis, float(at)) for axis in periodic for at in (grid.low[axis], grid.low[axis] + grid.size[axis])
+    ]
     return SheetQuadrature(
         motion,
         spacing=settings.sheet.element_spacing * dp,
@@ -220,6 +228,7 @@ def _quadrature(settings: FlowSettings, motion: Motion) -> SheetQuadrature:
         set_back=settings.sheet.set_back * dp,
         dimensions=settings.box.dimensions,
         mirrored=settings.box.symmetric,
+        faces=faces,
     )
 
 

@@ -22,6 +22,9 @@ class Fluid:
     gamma: float = setting(7.0, "exponent of the Tait equation of state", ge=1)
     background_pressure: float = setting(0.0, "pressure added everywhere against voids", unit="Pa", ge=0)
     diffusion: float = setting(0.1, "density diffusion coefficient (Fourtakas)", ge=0, le=1)
+    gravity: float = setting(
+        0.0, "acceleration along -z; needs walls above and below, or along the stream a loss", unit="m/s2"
+    )
     diffusion_near_wall: str = setting(
         "keep", "density diffusion of particles that see a wall", choices=("keep", "skip")
     )
@@ -39,7 +42,7 @@ class Resolution:
     h_over_dp: float = setting(1.2 * math.sqrt(2.0), "smoothing length over particle spacing", ge=1.0, le=2.5)
     cfl: float = setting(0.2, "Courant number of the time step, on the smoothing length", gt=0, le=0.6)
     precision: str = setting("single", "precision of the pair sums", choices=("single", "double"))
-    jitter: float = setting(0.0, "random initial displacement over particle spacing", ge=0, le=0.3)
+    jitter: float = setting(0.1, "random initial displacement over particle spacing", ge=0, le=0.3)
     seed: int = setting(1, "seed of the initial displacement", ge=0)
 
 
@@ -61,13 +64,14 @@ class Fringe:
 
     width: float = setting(0.10, "extent in x; 0 switches it off", unit="m", ge=0)
     rate: float = setting(400.0, "largest relaxation rate", unit="1/s", ge=0)
+    around: bool = setting(False, "also along the faces across z, so that sound leaves there too")
 
 
 @dataclass(frozen=True)
 class Shifting:
     """Particle shifting against clumping and voids."""
 
-    coefficient: float = setting(0.5, "strength; 0 switches it off", ge=0, le=5)
+    coefficient: float = setting(2.0, "strength; 0 switches it off", ge=0, le=5)
     limit: float = setting(0.05, "largest shift per step over particle spacing", gt=0, le=0.5)
     tensile: float = setting(0.2, "weight of the anti-clumping term", ge=0, le=1)
 

@@ -10,8 +10,9 @@ particles slightly beyond its edge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,15 @@ class Motion(Protocol):
         ...
 
 
+@runtime_checkable
+class Solid(Protocol):
+    """Walls that enclose room without air: bodies, or all that lies outside a vessel."""
+
+    def holds(self, x: FloatArray) -> NDArray[np.bool_]:
+        """Return which of the places ``x`` [m], shape (n, 3), lie in that room at time zero, shape (n,)."""
+        ...
+
+
 @dataclass(frozen=True)
 class Elements:
     """Wall elements at one instant, m of them.
@@ -85,6 +95,12 @@ class Elements:
     normal_acceleration: FloatArray
     area: FloatArray
 
+    def relative_to(self, gravity: FloatArray) -> Elements:
+        """Return the elements as seen in free fall at ``gravity`` [m/s2], shape (3,)."""
+        if not gravity.any():
+            return self
+        return replace(self, normal_acceleration=self.normal_acceleration - self.normal @ gravity)
+
 
 class SheetQuadrature:
     """Elements of all panels, placed anew for every state of the nodes.
@@ -103,6 +119,8 @@ class SheetQuadrature:
         In two dimensions a sheet is a strip along y; its area is taken per width of the strip.
     mirrored : bool
         An edge in the mirror plane y = 0 is no free edge: the sheet goes on behind it.
+    faces : sequence of (int, float)
+        Axis and place [m] of faces where a sheet goes on likewise, those of a periodic box.
     """
 
     def __init__(
@@ -114,6 +132,7 @@ class SheetQuadrature:
         set_back: float,
         dimensions: int,
         mirrored: bool,
+        faces: Sequence[tuple[int, float]] = (),
     ) -> None:
         self.panels = len(motion.panel_names)
         self._triangles = np.asarray(motion.triangles, dtype=np.int64)
@@ -122,8 +141,9 @@ class SheetQuadrature:
         triangle, barycentric, share = _subdivide(reference, self._triangles, spacing)
         panel = np.asarray(motion.panel, dtype=np.int64)[triangle]
         x = np.einsum("ek,ekj->ej", barycentric, reference[self._triangles[triangle]])
+        going_on = [*faces, (1, 0.0)] if mirrored else faces
         depth, inward = _edge_distance(
-            x, panel, reference, self._triangles, motion.panel, dimensions, mirrored
+            x, panel, reference, self._triangles, motion.panel, dimensions, going_on
         )
         depth = depth - set_back
         self._width = _strip_width(reference) if dimensions == 2 else 1.0
@@ -164,7 +184,7 @@ class SheetQuadrature:
             for values in (x, v, a, normal, inward):
                 values[:, 1] = 0.0
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        inward /= np.linalg.norm(inward, axis=1)[:, None]
+        inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-30)[:, None]
         along = np.einsum("ej,ej->e", a, normal)
         return Elements(x, v, normal, inward, along, area[self._triangle] * self._share)
 
@@ -232,10 +252,13 @@ def _edge_distance(
     triangles: IntArray,
     triangle_panel: IntArray,
     dimensions: int,
-    mirrored: bool,
+    going_on: Sequence[tuple[int, float]],
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance of each element from the free edge of its panel, and the unit vector away from it."""
-    distance = np.full(len(x), np.inf)
+    """Distance of each element from the free edge of its panel, and the unit vector away from it.
+
+    Without a free edge the distance is the extent of all sheets, and the vector zero.
+    """
+    distance = np.full(len(x), np.linalg.norm(np.ptp(nodes, axis=0)))
     inward = np.zeros_like(x)
     for p in np.unique(panel):
         mine = np.flatnonzero(panel == p)
@@ -245,7 +268,7 @@ def _edge_distance(
             length2 = float(along @ along)
             if length2 == 0.0 or (dimensions == 2 and abs(along[1]) < 1e-9 * np.sqrt(length2)):
                 continue  # the cut ends of a two-dimensional strip are no edges
-            if mirrored and max(abs(a[1]), abs(b[1])) < 1e-9:
+            if any(max(abs(a[axis] - at), abs(b[axis] - at)) < 1e-9 for axis, at in going_on):
                 continue
             share = np.clip((x[mine] - a) @ along / length2, 0.0, 1.0)
             away = x[mine] - a - share[:, None] * along

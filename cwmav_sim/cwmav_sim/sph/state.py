@@ -45,6 +45,13 @@ class Particles:
         """Total momentum [kg m/s], shape (3,)."""
         return np.asarray(self.mass * self.v.sum(axis=0))
 
+    def without(self, removed: NDArray[np.bool_]) -> Particles:
+        """Return the particles that are not ``removed``, shape (n,), numbered anew."""
+        kept = ~removed
+        return Particles(
+            self.x[kept], self.v[kept], self.rho[kept], self.mass, np.arange(np.count_nonzero(kept))
+        )
+
     def reorder(self, order: IntArray) -> None:
         """Store the particles in the given order."""
         self.x, self.v, self.rho = self.x[order], self.v[order], self.rho[order]

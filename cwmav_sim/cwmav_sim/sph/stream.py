@@ -2,8 +2,9 @@
 """Fringe zone at the downstream end of the periodic box: it gives the air back the state of the stream.
 
 Velocity relaxes to the stream and density to rho0 at a rate that rises smoothly from zero at both ends of the
-zone (sin^2), integrated exactly over a step (J. Nordstrom, N. Nordin, D. Henningson, SIAM J. Sci. Comput. 20
-(1999) 1365). Particles thus need neither creation nor removal.
+zone (sin^2); a second zone may straddle the faces across z, and the larger rate counts. The relaxation is
+integrated exactly over a step (J. Nordstrom, N. Nordin, D. Henningson, SIAM J. Sci. Comput. 20 (1999) 1365).
+Particles thus need neither creation nor removal.
 """
 
 from __future__ import annotations
@@ -18,6 +19,11 @@ FloatArray = NDArray[np.float64]
 
 
 @nb.njit(cache=True)
+def _shape(share: float) -> float:
+    return math.sin(math.pi * share) ** 2 if 0.0 < share < 1.0 else 0.0
+
+
+@nb.njit(cache=True)
 def relax(
     x: FloatArray,
     v: FloatArray,
@@ -28,6 +34,7 @@ def relax(
     stream: FloatArray,
     rho0: float,
     dt: float,
+    around: FloatArray,
 ) -> FloatArray:
     """Relax the particles of the zone over ``dt`` [s], in place.
 
@@ -43,6 +50,8 @@ def relax(
         Velocity of the stream [m/s].
     rho0, dt : float
         Density at rest [kg/m3] and time step [s].
+    around : ndarray, shape (2,)
+        Lower face across z and extent of the box in z [m]; extent zero for no zone there.
 
     Returns
     -------
@@ -51,10 +60,13 @@ def relax(
     """
     change = np.zeros(3)
     for i in range(x.shape[0]):
-        share = (x[i, 0] - begin) / width
-        if share <= 0.0 or share >= 1.0:
+        shape = _shape((x[i, 0] - begin) / width)
+        if around[1] > 0.0:
+            height = x[i, 2] - around[0] + 0.5 * width
+            shape = max(shape, _shape((height - around[1] * math.floor(height / around[1])) / width))
+        if shape == 0.0:
             continue
-        keep = math.exp(-rate * math.sin(math.pi * share) ** 2 * dt)
+        keep = math.exp(-rate * shape * dt)
         for q in range(3):
             delta = (1.0 - keep) * (stream[q] - v[i, q])
             v[i, q] += delta

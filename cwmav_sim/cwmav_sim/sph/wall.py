@@ -12,11 +12,14 @@ particle, e the unit vector from the element to the particle and d the dimension
 
     pressure    dv/dt   -= (1/rho) omega e [(2p + p_i) G0 + rho (a_w.n)(n.e) G1]
     viscosity   dv/dt   += 2 nu omega (v - v_w) max(G0/r', 4 C)
-    continuity  drho/dt += rho omega (v - v_w).e max(G1/r', 4 G0)
+    continuity  drho/dt += rho omega [(v - v_w).e max(G1/r', 4 G0) - D (a_w.n)(n.e) G0],  D = 2 delta h/c0
     shifting            += omega e G0
 
-The mirror state carries the pressure of the particle itself, raised by the wall acceleration a_w, and a
-velocity antisymmetric about the wall that is limited near it, r' = max(r, dp/4). The pressure
+The mirror state carries the pressure of the particle itself, raised by the acceleration a_w of the wall less
+gravity, and a velocity antisymmetric about the wall that is limited near it, r' = max(r, dp/4). Its
+density follows its pressure, so the diffusion sees no step at a wall whose air is in equilibrium. Only
+elements that face the particle count: those of a bent or closed wall whose other face looks at it are
+hidden by the wall itself. The pressure
 p_i = rho c0 u min(b u/c0, 1) resists an approach at speed u when the factor b is not zero. The wall takes the
 opposite force.
 """
@@ -51,8 +54,9 @@ ELEMENT_ROWS = 11
     THREE_D,
     TINY,
     HALF_SPACE,
-) = range(16)
-COEFFICIENTS = 16  # first place of the three polynomials of five factors each
+    DIFFUSION,
+) = range(17)
+COEFFICIENTS = 17  # first place of the three polynomials of five factors each
 
 
 def wall_constants(
@@ -62,9 +66,10 @@ def wall_constants(
     sound_speed: float,
     approach_damping: float,
     density: float,
+    diffusion: float,
     dtype: np.dtype,
 ) -> NDArray:
-    """Return the constants of the wall sums in the precision of the pairs, shape (31,)."""
+    """Return the constants of the wall sums in the precision of the pairs, shape (32,)."""
     h, d = kernel.h, kernel.dimensions
     five_a = -5.0 * kernel.amplitude
     head = [
@@ -84,6 +89,7 @@ def wall_constants(
         1.0 if d == 3 else 0.0,
         1e-6 * dp,
         np.pi * (d - 1),
+        2.0 * diffusion * h / sound_speed,
     ]
     polynomials = np.zeros((3, 5))
     for row, k in enumerate((d, d + 1, d - 1)):
@@ -92,20 +98,22 @@ def wall_constants(
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def sum_wall(a, buf, area, n, k):
+def sum_wall(a, side, buf, area, n, k):
     """Sum the wall terms of one particle over ``n`` buffered elements.
 
     Parameters
     ----------
     a : tuple of 8 floats
         x, y, z, vx, vy, vz, density above rest, pressure of the particle.
+    side : float
+        Its signed distance from the wall; zero where that is unknown.
     buf : ndarray, shape (11, m)
         Elements, rows as packed.
     area : ndarray, shape (m,)
         Area of each element, zero where hidden by another wall.
     n : int
         Entries to use.
-    k : ndarray, shape (31,)
+    k : ndarray, shape (32,)
         Wall constants.
 
     Returns
@@ -119,7 +127,7 @@ def sum_wall(a, buf, area, n, k):
     nearest_inverse = one / k[NEAREST]
     g0_factor, g1_factor, c_factor = k[G0_FACTOR], k[G1_FACTOR], k[C_FACTOR]
     sound, approach, tiny, three_d = k[SOUND], k[APPROACH], k[TINY], k[THREE_D]
-    half_space = k[HALF_SPACE]
+    half_space, diffusion = k[HALF_SPACE], k[DIFFUSION]
     rho = k[RHO0] + da
     over_rho = one / rho
     a0, a1, a2, a3 = k[COEFFICIENTS], k[COEFFICIENTS + 1], k[COEFFICIENTS + 2], k[COEFFICIENTS + 3]
@@ -149,9 +157,10 @@ def sum_wall(a, buf, area, n, k):
         ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
         ne = normal_x[j] * ex + normal_y[j] * ey + normal_z[j] * ez
         omega = min(abs(ne) * area[j] * inverse * (three_d * inverse + (one - three_d)), half_space)
+        omega = omega if ne * side >= zero else zero
         du, dv, dw = ua - u[j], va - v[j], wa - w[j]
         away = du * ex + dv * ey + dw * ez
-        div += omega * away * max(g1 * near, four * g0)
+        div += omega * (away * max(g1 * near, four * g0) - diffusion * acceleration[j] * ne * g0)
         speed = max(
             -(du * normal_x[j] + dv * normal_y[j] + dw * normal_z[j]) * (one if ne > zero else -one), zero
         )

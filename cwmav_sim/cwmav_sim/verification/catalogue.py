@@ -6,9 +6,19 @@ from __future__ import annotations
 from cwmav_common.errors import InputError
 from cwmav_sim.verification.added_mass import AddedMass
 from cwmav_sim.verification.balance import MomentumBalance
+from cwmav_sim.verification.cavity import LidDrivenCavity
+from cwmav_sim.verification.channel import Couette, Poiseuille
+from cwmav_sim.verification.clap_fling import ClapAndFling
+from cwmav_sim.verification.convergence import Convergence
+from cwmav_sim.verification.cylinder import OscillatingCylinder, StartedCylinder
+from cwmav_sim.verification.hover import HoveringEllipse
+from cwmav_sim.verification.hydrostatic import HydrostaticColumn
+from cwmav_sim.verification.plate import PlateAddedMass
 from cwmav_sim.verification.protocol import VerificationCase
 from cwmav_sim.verification.still_air import StillAir
 from cwmav_sim.verification.structure_cases import structure_cases
+from cwmav_sim.verification.taira import LowAspectRatioPlate
+from cwmav_sim.verification.taylor_green import TaylorGreen
 
 
 def catalogue() -> tuple[VerificationCase, ...]:
@@ -16,9 +26,24 @@ def catalogue() -> tuple[VerificationCase, ...]:
     return (
         StillAir(),
         MomentumBalance(),
+        HydrostaticColumn(),
+        TaylorGreen(),
+        Couette(),
+        Poiseuille(),
+        PlateAddedMass(),
         AddedMass("added-mass-ar1", aspect_ratio=1.0, coefficient=0.579),
         AddedMass("added-mass-ar2", aspect_ratio=2.0, coefficient=0.757),
         *structure_cases(),
+        Convergence(),
+        LidDrivenCavity(100, 3.0, 15.0),
+        LidDrivenCavity(400, 4.0, 35.0),
+        LidDrivenCavity(1000, 5.0, 50.0),
+        StartedCylinder(40, 10),
+        StartedCylinder(550, 20, length=16.0, height=16.0),
+        OscillatingCylinder(),
+        HoveringEllipse(),
+        *(ClapAndFling(reynolds) for reynolds in (8, 32, 128)),
+        *(LowAspectRatioPlate(angle) for angle in (20, 30, 40, 50, 10, 60)),
     )
 
 

@@ -83,6 +83,55 @@ class OscillatingPlate:
         return max(1, round(self.chord / self.spacing)), max(1, round(span / self.spacing))
 
 
+@dataclass(frozen=True)
+class FixedPlate:
+    """A flat rectangular plate at rest, its nose up against a stream along x.
+
+    Attributes
+    ----------
+    chord, span : float
+        Extents [m]; the plate is centred on the origin, its span along y.
+    spacing : float
+        Distance between mesh nodes [m].
+    incidence : float
+        Angle of the chord with the stream [rad].
+    half : bool
+        Only the part y > 0.
+    """
+
+    chord: float
+    span: float
+    spacing: float
+    incidence: float
+    half: bool = False
+
+    @property
+    def _flat(self) -> OscillatingPlate:
+        return OscillatingPlate(self.chord, self.span, self.spacing, 0.0, 1.0, self.half)
+
+    @property
+    def triangles(self) -> IntArray:
+        """Node numbers of each triangle."""
+        return self._flat.triangles
+
+    @property
+    def panel(self) -> IntArray:
+        """All triangles belong to one panel."""
+        return self._flat.panel
+
+    @property
+    def panel_names(self) -> tuple[str, ...]:
+        """Name of the one panel."""
+        return ("plate",)
+
+    def state(self, t: float) -> SheetState:
+        """Return the nodes at time ``t`` [s]."""
+        flat = self._flat.state(t)
+        c, s = math.cos(self.incidence), math.sin(self.incidence)
+        turn = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+        return SheetState(flat.x @ turn, 0.0 * flat.v, 0.0 * flat.a)
+
+
 def added_mass_from(force: FloatArray, acceleration: FloatArray, speed: FloatArray) -> float:
     """Fit force = -m a - d v by least squares and return m [kg].
 

@@ -15,7 +15,7 @@ DP = 0.0125
 BOX = Box(length=0.2, width=0.2, height=0.2, upstream=0.1, symmetric=False)
 CALM = FlowSettings(
     fluid=Fluid(sound_speed=20.0),
-    resolution=Resolution(dp=DP, cfl=0.4, precision="double"),
+    resolution=Resolution(dp=DP, cfl=0.4, precision="double", jitter=0.0),
     box=BOX,
     fringe=Fringe(width=0.0),
 )

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Observed order of convergence at three resolutions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cwmav_sim.verification.channel import Couette
+from cwmav_sim.verification.protocol import Check
+from cwmav_sim.verification.taylor_green import TaylorGreen
+
+_LEAST = 1.0
+
+
+def observed_order(cells: Sequence[int], errors: Sequence[float]) -> float:
+    """Return the slope of error against spacing in logarithms, by least squares."""
+    x = [-math.log(n) for n in cells]
+    y = [math.log(e) for e in errors]
+    mx, my = sum(x) / len(x), sum(y) / len(y)
+    return sum((a - mx) * (b - my) for a, b in zip(x, y, strict=True)) / sum((a - mx) ** 2 for a in x)
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Error of the velocity of decaying vortices, and of the profile of Couette flow while it starts."""
+
+    name: str = "convergence"
+    summary: str = "observed order at three resolutions"
+    slow: bool = True
+    vortices: tuple[int, ...] = (25, 50, 100)
+    channel: tuple[int, ...] = (10, 20, 40)
+
+    def run(self) -> list[Check]:
+        """Run the case and compare."""
+        free = [TaylorGreen(cells=n).measure()[1] for n in self.vortices]
+        walled = [Couette(cells=n, times=(0.1,)).run()[0].value for n in self.channel]
+        return [
+            _order(self.name, "Taylor-Green, rms error of velocity", self.vortices, free),
+            _order(self.name, "Couette at t = 0.1, largest error", self.channel, walled),
+        ]
+
+
+def _order(name: str, what: str, cells: Sequence[int], errors: Sequence[float]) -> Check:
+    order = observed_order(cells, errors)
+    listed = ", ".join(f"{e:.2g}" for e in errors)
+    return Check(
+        name,
+        f"{what} at {', '.join(map(str, cells))}: {listed}; order {order:.2f}, at least 1, short by",
+        max(_LEAST - order, 0.0),
+        0.0,
+        1.0,
+        1e-6,
+        "observed: the scheme is of first to second order",
+    )
