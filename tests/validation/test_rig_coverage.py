@@ -16,7 +16,7 @@ from cwmav_rig.synthesis_settings import Instruments, Synthesis
 from cwmav_rig.synthesise import synthesise
 
 RECORDINGS = 200
-TRUTH = np.array([0.153, 0.462, 0.05])  # Hz, deg, m/s: the paper's standard deviations at 12 Hz, 15 deg, 3.5 m/s
+TRUTH = np.array([0.153, 0.462, 0.05])  # Hz, deg, m/s: the paper at 12 Hz, 15 deg, 3.5 m/s
 RATES = Instruments(force_rate=2000.0, power_rate=1000.0, view_rate=0.0, tare_seconds=0.2)
 
 

@@ -29,6 +29,11 @@ def run(settings, motion, steps, airspeed=0.0, **options):
     return solver, infos
 
 
+def _steps(solver, count):
+    for _ in range(count):
+        solver.step()
+
+
 def force(infos):
     return np.array([(info.pressure + info.viscous).sum(axis=0) for info in infos])
 
@@ -116,8 +121,7 @@ def test_a_flow_that_blows_up_is_reported_with_its_time():
     solver.step()
     solver.velocity[0] = np.nan
     with pytest.raises(WorkError, match="undefined at t = "):
-        for _ in range(3):
-            solver.step()
+        _steps(solver, 3)
 
 
 def test_a_box_smaller_than_the_support_is_refused():
@@ -150,6 +154,6 @@ class _Beside:
 
     def state(self, t):
         nodes = self._plate.state(t)
-        x = np.concatenate([nodes.x + [0.0, offset, 0.0] for offset in self._offsets])
+        x = np.concatenate([nodes.x + np.array([0.0, offset, 0.0]) for offset in self._offsets])
         count = len(self._offsets)
         return replace(nodes, x=x, v=np.tile(nodes.v, (count, 1)), a=np.tile(nodes.a, (count, 1)))
