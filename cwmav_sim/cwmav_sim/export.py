@@ -23,10 +23,26 @@ class ParticleView(Protocol):
     """What a snapshot reads from a solver; arrays of n particles."""
 
     time: float
-    position: FloatArray  # (n, 3) m
-    velocity: FloatArray  # (n, 3) m/s
-    density: FloatArray  # (n,) kg/m3
-    pressure: FloatArray  # (n,) Pa
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions [m], shape (n, 3)."""
+        ...
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities [m/s], shape (n, 3)."""
+        ...
+
+    @property
+    def density(self) -> FloatArray:
+        """Densities [kg/m3], shape (n,)."""
+        ...
+
+    @property
+    def pressure(self) -> FloatArray:
+        """Pressures [Pa], shape (n,)."""
+        ...
 
 
 def write_run(folder: Path, case: Case, result: LiftResult) -> None:
