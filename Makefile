@@ -32,7 +32,7 @@ install() {
 }
 endef
 
-.PHONY: help setup demo test test-slow test-colcon bench lint clean
+.PHONY: help setup demo test test-slow test-colcon verify-long bench lint clean
 
 help:
 	@echo "make demo         run the three nodes on a bundled recording and optimise (LIVE=1: live simulations only)"
@@ -40,6 +40,7 @@ help:
 	echo "make setup        install everything into $(VENV)"
 	echo "make lint         check style, types and layers"
 	echo "make test-slow    run the long tests, make test-colcon the colcon build, make bench the speed measurements"
+	echo "make verify-long  run every verification case, hours on two cores, and keep the results in docs/reference"
 	echo "make clean        remove $(VENV) and what the tools left behind"
 
 setup: $(READY) $(INTERFACES)
@@ -89,6 +90,9 @@ test-colcon: setup
 	install "installing colcon and the generators of the interfaces" colcon-common-extensions $$($(BIN)/python -c \
 	  "import tomllib; print(*tomllib.load(open('msgs_schema/pyproject.toml', 'rb'))['build-system']['requires'])")
 	$(BIN)/python -m pytest -m colcon $(PYTEST_ARGS)
+
+verify-long: setup
+	@$(BIN)/cwmav-sim verify --all --record docs/reference
 
 bench: setup
 	@$(BIN)/python -m pytest -m bench $(PYTEST_ARGS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -162,19 +163,33 @@ def verify(
     name: Annotated[str | None, typer.Argument(help="Name of one case.")] = None,
     everything: Annotated[bool, typer.Option("--all", help="Run the long cases too.")] = False,
     listing: Annotated[bool, typer.Option("--list", help="List the cases.")] = False,
+    record: Annotated[
+        Path | None, typer.Option(help="Keep the results in verification.json and .md of this folder.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Compare the solver with known answers."""
+    from cwmav_sim.fingerprint import solver_fingerprint
     from cwmav_sim.verification.catalogue import catalogue, select
+    from cwmav_sim.verification.record import Record
 
     if listing:
-        entries = [{"name": c.name, "summary": c.summary} for c in catalogue()]
-        emit({"cases": entries}, json, [f"{e['name']:24} {e['summary']}" for e in entries])
+        entries = [{"name": c.name, "summary": c.summary, "long": c.slow} for c in catalogue()]
+        lines = [f"{e['name']:24} {'long ' if e['long'] else '     '}{e['summary']}" for e in entries]
+        emit(
+            {"cases": entries, "solver": solver_fingerprint()},
+            json,
+            [*lines, f"solver {solver_fingerprint()}"],
+        )
         return
+    kept = Record(record) if record is not None else None
     checks: list[Check] = []
     for entry in select(name, everything):
         message(f"{entry.name}: {entry.summary}")
+        started = time.perf_counter()
         found = entry.run()
+        if kept is not None:
+            kept.add(entry, found, time.perf_counter() - started)
         for line in _check_lines(found):
             message(f"  {line}")
         checks += found

@@ -193,3 +193,39 @@ def test_verify_reports_every_check_and_fails_when_one_does(call, monkeypatch):
     assert first["error_percent"] == pytest.approx(5.0)
     assert (second["passed"], second["value"]) == (False, None)
     assert {"name", "quantity", "reference", "tolerance_percent", "source"} <= set(first)
+
+
+def test_verify_keeps_the_last_result_of_every_case(call, monkeypatch, tmp_path):
+    monkeypatch.setattr(catalogue, "catalogue", lambda: (StubCase(),))
+    (tmp_path / "verification.json").write_text(
+        json.dumps(
+            {
+                "older": {
+                    "summary": "kept",
+                    "long": True,
+                    "date": "2026-01-01 00:00",
+                    "commit": "abc",
+                    "solver": "def",
+                    "machine": "m",
+                    "seconds": 5.0,
+                    "checks": [],
+                },
+                "stub": {},
+            }
+        )
+    )
+    call("verify", "stub", "--record", str(tmp_path))
+    text = (tmp_path / "verification.md").read_text()
+    assert "| [stub](#stub) | **1 of 2 missed** |" in text
+    assert "| speed [m/s] | undefined | 0 | undefined % | 0.1 % | **missed** |" in text
+    assert "| mass [kg] | 1.05 | 1 | 5 % | 10 % | pass |" in text
+    assert "[older](#older) (long)" in text
+    assert set(json.loads((tmp_path / "verification.json").read_text())) == {"older", "stub"}
+
+
+def test_verify_refuses_a_damaged_record(call, monkeypatch, tmp_path):
+    monkeypatch.setattr(catalogue, "catalogue", lambda: (StubCase(),))
+    (tmp_path / "verification.json").write_text("{")
+    status, _, err = call("verify", "stub", "--record", str(tmp_path))
+    assert status == 2
+    assert "verification.json" in err
