@@ -102,7 +102,8 @@ def table(entries: Mapping[str, Any]) -> str:
         for c in entry["checks"]:
             details.append(
                 f"| {c['quantity']} | {_number(c['value'])} | {_number(c['reference'])} "
-                f"| {_number(c['error_percent'])} % | {c['tolerance_percent']:g} % | {'pass' if c['passed'] else '**missed**'} |"
+                f"| {_number(c['error_percent'])} % | {c['tolerance_percent']:g} % "
+                f"| {'pass' if c['passed'] else '**missed**'} |"
             )
         sources = dict.fromkeys(c["source"] for c in entry["checks"])
         details += ["", f"Reference: {'; '.join(sources)}."]
