@@ -99,6 +99,13 @@ class Job:
         if worker is not None:
             worker.send("cancel", None)
 
+    def abandon(self) -> None:
+        """End the process that does the work, for work that does not ask whether it should stop."""
+        self.cancel()
+        worker = self.worker
+        if worker is not None and worker.job is self:
+            worker.end()
+
 
 class WorkerPool:
     """Up to `workers` processes, started when first needed and kept.

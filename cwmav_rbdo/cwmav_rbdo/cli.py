@@ -34,10 +34,18 @@ def run(
     evaluate: Annotated[
         str, typer.Option(help="Who evaluates a wing study instead: ros, local or table.")
     ] = "",
+    workers: Annotated[
+        int,
+        typer.Option(min=0, help="Points at once, in processes of their own; 0: as the problem says."),
+    ] = 0,
+    cluster: Annotated[
+        str, typer.Option(help="Address of a dask.distributed scheduler that evaluates instead.")
+    ] = "",
     runs: Annotated[Path, typer.Option(help="Folder of the run folders.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
     """Solve a problem."""
+    from cwmav_rbdo.executors import with_evaluation
     from cwmav_rbdo.problem import Problem, load_problem
     from cwmav_rbdo.run_folder import RunFolder
     from cwmav_rbdo.study import run_study
@@ -49,6 +57,7 @@ def run(
         if evaluate not in EVALUATORS or not isinstance(task, WingProblem):
             raise InputError(f"--evaluate {evaluate}: allowed for a wing study: {', '.join(EVALUATORS)}")
         task = replace(task, evaluate=evaluate)
+    task = with_evaluation(task, workers, cluster)
     if resume:
         folder = RunFolder.unfinished(runs, task.id)
         seed = int(folder.read_config()["seed"])
@@ -59,7 +68,7 @@ def run(
         evaluator = noise = None
         if isinstance(task, WingProblem):
             message(iteration_header(task))
-            if task.evaluate == "ros":
+            if task.evaluate == "ros" and not cluster:
                 from cwmav_rbdo.ros_access import connect
 
                 evaluator, noise = stack.enter_context(connect(task, measure=not resume))

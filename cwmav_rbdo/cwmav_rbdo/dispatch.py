@@ -49,6 +49,10 @@ class DispatchSettings:
 
     attempts: int = setting(3, "attempts at one point before it is excluded", ge=1, le=20)
     timeout: float = setting(7200.0, "longest time for one attempt", unit="s", gt=0)
+    workers: int = setting(
+        1, "processes for the functions of a general problem; 1: none beside this one", ge=1, le=1024
+    )
+    cluster: str = setting("", "address of a dask.distributed scheduler that evaluates, tcp://host:8786")
 
 
 @dataclass

@@ -19,6 +19,7 @@ from scipy.stats import norm
 
 from cwmav_common.errors import InputError
 from cwmav_common.settings import setting
+from cwmav_rbdo.dispatch import DispatchSettings
 from cwmav_rbdo.expressions import CONSTANTS, FUNCTIONS, Function, Rows, compile_function
 from cwmav_rbdo.wing_problem import DesignVariable, SurrogateSettings
 
@@ -67,6 +68,7 @@ class GeneralProblem:
     )
     max_true_evaluations: int = setting(200, "budget of evaluated points", ge=4, le=1000000)
     surrogate: SurrogateSettings = field(default_factory=lambda: SurrogateSettings(trend="auto"))
+    dispatch: DispatchSettings = field(default_factory=DispatchSettings)
 
     def __post_init__(self) -> None:
         _check_names(self)

@@ -13,7 +13,7 @@ from cwmav_rbdo import noise as scatter
 from cwmav_rbdo.artefacts import write_artefacts
 from cwmav_rbdo.dispatch import Evaluator, evaluate_all
 from cwmav_rbdo.evaluation import Evaluation
-from cwmav_rbdo.evaluators import wing_evaluator
+from cwmav_rbdo.executors import problem_evaluator
 from cwmav_rbdo.general_problem import GeneralProblem
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.loop import AcceleratedLoop
@@ -73,7 +73,7 @@ def run_study(
         noise = scatter.from_json(run_folder.read_config()["noise"])
     noise = noise or scatter.obtain(problem)
     journal = open_journal(problem, seed, noise, run_folder, resume)
-    own = wing_evaluator(problem) if evaluator is None else None
+    own = problem_evaluator(problem) if evaluator is None else None
     try:
         loop = AcceleratedLoop(problem, noise, np.random.default_rng(seed), journal)
         _drive(loop, evaluator or own, run_folder, on_iteration, cancelled)  # type: ignore[arg-type]

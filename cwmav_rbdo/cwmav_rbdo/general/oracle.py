@@ -37,6 +37,7 @@ class Oracle:
     evaluator : who evaluates
     journal : answers what was answered before, so that an interrupted run continues
     budget : points at most, the excluded ones included
+    settings : attempts and time limit of an evaluation
     cancelled : asked while waiting
 
     Attributes
@@ -46,10 +47,16 @@ class Oracle:
     """
 
     def __init__(
-        self, evaluator: Evaluator, journal: Journal, budget: int, cancelled: Callable[[], bool]
+        self,
+        evaluator: Evaluator,
+        journal: Journal,
+        budget: int,
+        settings: DispatchSettings,
+        cancelled: Callable[[], bool],
     ) -> None:
         self._evaluator = evaluator
         self._journal = journal
+        self._settings = settings
         self._cancelled = cancelled
         self.budget = budget
         self.calls = 0
@@ -80,7 +87,7 @@ class Oracle:
             evaluate_all(
                 open_requests,
                 self._evaluator,
-                DispatchSettings(attempts=1),
+                self._settings,
                 self._journal.record,
                 cancelled=self._cancelled,
             )

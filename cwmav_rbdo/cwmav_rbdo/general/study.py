@@ -9,12 +9,12 @@ import numpy as np
 
 from cwmav_rbdo.dispatch import Evaluator
 from cwmav_rbdo.evaluation import Responses
-from cwmav_rbdo.evaluators import FormulaEvaluator
+from cwmav_rbdo.executors import problem_evaluator
 from cwmav_rbdo.general.failure_probability import solve_reliability
 from cwmav_rbdo.general.global_optimum import solve_global
 from cwmav_rbdo.general.oracle import Oracle
 from cwmav_rbdo.general.rbdo import solve_rbdo
-from cwmav_rbdo.general.variables import RandomSpace
+from cwmav_rbdo.general.variables import evaluated_names
 from cwmav_rbdo.general_problem import GeneralProblem
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.problem import digest, problem_mapping
@@ -32,7 +32,7 @@ def run_general_study(
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Result:
     """Solve a problem that is no wing study; see :func:`cwmav_rbdo.study.run_study`."""
-    names = problem.names if problem.kind == "global" else RandomSpace(problem).names
+    names = evaluated_names(problem)
     if run_folder is not None and not resume:
         run_folder.write_config(
             {
@@ -45,10 +45,19 @@ def run_general_study(
     header = {"problem": digest(problem), "seed": seed}
     journal = Journal(None if run_folder is None else run_folder.journal, header, Responses, resume=resume)
     try:
-        oracle = Oracle(
-            evaluator or FormulaEvaluator(problem, names), journal, problem.max_true_evaluations, cancelled
-        )
-        result = _SOLVERS[problem.kind](problem, oracle, seed)
+        own = None if evaluator else problem_evaluator(problem)
+        try:
+            oracle = Oracle(
+                evaluator or own,  # type: ignore[arg-type]
+                journal,
+                problem.max_true_evaluations,
+                problem.dispatch,
+                cancelled,
+            )
+            result = _SOLVERS[problem.kind](problem, oracle, seed)
+        finally:
+            if own is not None:
+                own.close()
     finally:
         journal.close()
     if run_folder is not None:

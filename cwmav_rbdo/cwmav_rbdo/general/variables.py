@@ -65,6 +65,11 @@ class RandomSpace:
         return (level if self._factor is None else np.linalg.solve(self._factor, level))[None]
 
 
+def evaluated_names(problem: GeneralProblem) -> tuple[str, ...]:
+    """Names of the variables at which the expensive functions are evaluated, in order."""
+    return problem.names if problem.kind == "global" else RandomSpace(problem).names
+
+
 def _transformed(variable: RandomVariable, mean: Array, z: Array) -> Array:
     std = (
         np.full_like(mean, variable.std) if variable.std is not None else np.abs(mean) * (variable.cov or 0.0)
