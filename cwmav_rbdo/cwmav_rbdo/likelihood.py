@@ -24,12 +24,14 @@ Array = NDArray[np.float64]
 
 LENGTH_BOUNDS = (1e-2, 1e2)
 """Shortest and longest length scale, in units of the range of the samples."""
-START_BOUNDS = (5e-2, 5.0)
+START_BOUNDS = (2e-2, 5.0)
 VARIANCE_BOUNDS = (1e-6, 1e4)
 NUGGET_BOUNDS = (1e-12, 1.0)
 
 SCREENING_PER_VARIABLE = 10
 ITERATIONS = 100
+_APART = 0.7
+"""Least distance of two starts in the logarithm of some hyperparameter: a factor of two."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,11 @@ class Likelihood:
         return -np.concatenate(slopes)
 
     def starts(self, rng: np.random.Generator, count: int) -> Array:
-        """Best of a screened Latin hypercube in the logarithms; (count, number of hyperparameters)."""
+        """Best of a screened Latin hypercube in the logarithms; (count, number of hyperparameters).
+
+        Neighbours of a better point would climb the same hill, so they give way to points elsewhere: a rough
+        response has its hill at short length scales, and the long ones, where it passes for noise, another.
+        """
         low = [np.log(START_BOUNDS[0])] * self.dimension
         high = [np.log(START_BOUNDS[1])] * self.dimension
         if self.noisy:
@@ -171,7 +177,14 @@ class Likelihood:
         screened = max(count, SCREENING_PER_VARIABLE * len(low))
         points = qmc.scale(qmc.LatinHypercube(len(low), rng=rng).random(screened), low, high)
         values = np.array([self.value(p) for p in points])
-        return points[np.argsort(values, kind="stable")[:count]]
+        ranked = points[np.argsort(values, kind="stable")]
+        chosen: list[Array] = []
+        for point in ranked:
+            if all(np.max(np.abs(point - other)) > _APART for other in chosen):
+                chosen.append(point)
+            if len(chosen) == count:
+                break
+        return np.array(chosen)
 
 
 def maximise(likelihood: Likelihood, starts: Array) -> Hyperparameters:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from cwmav_common.errors import WorkError
-from cwmav_rbdo.general.design import Design, DesignSearch
+from cwmav_rbdo.general.design import Design, DesignSearch, neighbourhood
 from cwmav_rbdo.general.oracle import BudgetSpentError, Oracle
-from cwmav_rbdo.general.surrogates import Surrogates
+from cwmav_rbdo.general.surrogates import CAUTION, Surrogates
 from cwmav_rbdo.general.variables import RandomSpace
 from cwmav_rbdo.general_problem import GeneralProblem
 from cwmav_rbdo.result import Band, Constraint
@@ -31,6 +31,12 @@ _BLOCK = 50_000
 _DOUBT = 0.03  # share of wrong signs, relative to the allowed failures, that ends the refinement
 _STILL = 2e-3  # relative change of objective, and of the design over its range, that counts as none
 _K = 1.96
+_NEAR = 0.02
+"""Share of the ranges around a design within which the active constraints have to be known."""
+_SLOPE_SURE = 0.03
+"""Error there, in reliability indices, that is small enough: the slopes of the constraints rest on it."""
+_SURE = 0.01
+"""Error of a surrogate at a worst point, in reliability indices, below which no sample is spent there."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +98,12 @@ def solve_rbdo(problem: GeneralProblem, oracle: Oracle, rng: np.random.Generator
                 len(rounds), design.d, design.objective, design.violation, tuple(doubt.tolist()), oracle.calls
             )
         )
-        if _at_rest(problem, rounds):
-            break
+        rest = _at_rest(problem, rounds)
         points = _new_points(space, surrogates, design, doubt, doubtful, upper - lower)
+        if rest or len(points) == 0:
+            points = _beside(problem, space, surrogates, design, upper - lower)
+            if rest and len(points) == 0:
+                break
         if len(points) == 0:
             message = "no point is left that could tell more"
             break
@@ -117,8 +126,8 @@ def check(
     failures = np.zeros((len(surrogates.models), 3))
     for first in range(0, _FINAL, _BLOCK):
         X = space.physical(rng.standard_normal((min(_BLOCK, _FINAL - first), space.dimension)), d)
-        for k, model in enumerate(surrogates.models):
-            mean, std = model.predict(X, return_std=True)
+        for k in range(len(surrogates.models)):
+            mean, std = surrogates.predict(k, X)
             failures[k] += [np.count_nonzero(mean + shift * std <= 0.0) for shift in (0.0, -_K, _K)]
     found = []
     for k, (middle, most, least) in enumerate(failures / _FINAL):
@@ -135,9 +144,9 @@ def _doubts(
     """Give expected wrong signs over allowed failures of each constraint, and its most doubtful point."""
     X = space.physical(population, design.d)
     doubt, points = [], []
-    for model, beta in zip(surrogates.models, problem.beta_targets, strict=True):
-        mean, std = model.predict(X, return_std=True)
-        sureness = np.abs(mean) / np.maximum(std, 1e-300)
+    for k, beta in enumerate(problem.beta_targets):
+        mean, std = surrogates.predict(k, X)
+        sureness = np.abs(mean) / np.maximum(CAUTION * std, 1e-300)
         doubt.append(float(np.mean(ndtr(-sureness)) / ndtr(-beta)))
         points.append(X[int(np.argmin(sureness))])
     return np.array(doubt), points
@@ -161,11 +170,31 @@ def _new_points(
 
     for k in np.flatnonzero(design.active).tolist():
         x = space.physical(design.worst[k][None], design.d)[0]
-        if design.uncertainty[k] > 0.01:
+        if design.uncertainty[k] > _SURE:
             take(x)
     for k in np.argsort(-doubt).tolist():
         if doubt[k] > _DOUBT and len(kept) <= np.count_nonzero(design.active):
             take(doubtful[k])
+    return np.array(kept)
+
+
+def _beside(
+    problem: GeneralProblem, space: RandomSpace, surrogates: Surrogates, design: Design, span: Array
+) -> Array:
+    """Give the least known worst point of each active constraint at designs nearby; (at most K, D).
+
+    An optimum between constraints that cross at a small angle moves a long way for a small error of their
+    slopes, which samples at the optimum itself do not show.
+    """
+    kept: list[Array] = []
+    around = neighbourhood(problem, design.d, _NEAR)
+    for k in np.flatnonzero(design.active).tolist():
+        X = space.physical(np.tile(design.worst[k], (len(around), 1)), around)
+        error = 2.0 * CAUTION * surrogates.predict(k, X)[1] / design.slope[k]
+        x = X[int(np.argmax(error))]
+        known = surrogates.near(x, span) or any(np.all(np.abs(x - y) <= 0.01 * span) for y in kept)
+        if float(np.max(error)) > _SLOPE_SURE and not known:
+            kept.append(x)
     return np.array(kept)
 
 

@@ -11,6 +11,8 @@ from cwmav_rbdo.kriging import Kriging
 from cwmav_rbdo.wing_problem import SurrogateSettings
 
 Array = NDArray[np.float64]
+CAUTION = 2.0
+"""Factor on the standard deviation where it is decided that nothing more needs to be known."""
 _REFIT = 0.15  # growth of the samples after which the length scales are estimated anew
 
 
@@ -42,6 +44,15 @@ class Surrogates:
         model = self.models[k]
         Z = ((X - model.x_offset_) / np.where(model.active_, model.x_scale_, 1.0))[:, model.active_]
         return np.asarray(model.y_offset_ + model.y_scale_ * uk.predict(model.fitted_, Z))
+
+    def predict(self, k: int, X: Array) -> tuple[Array, Array]:
+        """Prediction of response `k` at rows (n, D) and its standard deviation.
+
+        The deviation is enlarged where the leave-one-out errors say that it is too small; few samples of a
+        response that is smooth in one part of the space and steep in another make it so.
+        """
+        mean, std = self.models[k].predict(X, return_std=True)
+        return np.asarray(mean), np.asarray(std) * max(1.0, self.models[k].loo_standardised_)
 
     def near(self, x: Array, span: Array) -> bool:
         """Whether a sample lies within 1e-4 of the spans of `x`."""

@@ -8,6 +8,7 @@ from cwmav_rbdo.reliability.form import form
 from cwmav_rbdo.reliability.importance_sampling import importance_sampling
 from cwmav_rbdo.reliability.inputs import Copula, GaussianNoise, Inputs, LimitState
 from cwmav_rbdo.reliability.line_root import line_root, line_root_estimate
+from cwmav_rbdo.reliability.line_sampling import line_sampling
 from cwmav_rbdo.reliability.monte_carlo import monte_carlo, monte_carlo_band, monte_carlo_designs
 from cwmav_rbdo.reliability.subset_simulation import subset_simulation
 
@@ -26,6 +27,7 @@ __all__ = [
     "importance_sampling",
     "line_root",
     "line_root_estimate",
+    "line_sampling",
     "monte_carlo",
     "monte_carlo_band",
     "monte_carlo_designs",

@@ -124,12 +124,18 @@ def _quadrature(g: LimitState, X: Array, axes: Array, shifts: Array, order: int)
     def on_lines(rows: NDArray[np.int_], t: Array) -> Array:
         return np.asarray(g(base[rows] + t[:, None] * along[rows]), dtype=np.float64)
 
-    pf, evaluations = _failed_on_lines(on_lines, len(base))
+    pf, evaluations = failed_on_lines(on_lines, len(base))
     return pf.reshape(m, -1) @ across, evaluations
 
 
-def _failed_on_lines(on_lines: Line, count: int) -> tuple[Array, int]:
-    """Integrate the standard normal density over the failed part of each line, all sign changes counted."""
+def failed_on_lines(on_lines: Line, count: int) -> tuple[Array, int]:
+    """Integrate the standard normal density over the failed part of each line, all sign changes counted.
+
+    Returns
+    -------
+    failed : (count,) array
+    evaluations : int
+    """
     t = np.linspace(-REACH, REACH, LINE_POINTS)
     rows = np.repeat(np.arange(count), LINE_POINTS)
     values = on_lines(rows, np.tile(t, count)).reshape(count, LINE_POINTS)

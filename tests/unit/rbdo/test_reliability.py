@@ -18,6 +18,7 @@ from cwmav_rbdo.reliability import (
     importance_sampling,
     line_root,
     line_root_estimate,
+    line_sampling,
     monte_carlo,
     monte_carlo_band,
     monte_carlo_designs,
@@ -47,6 +48,7 @@ METHODS = {
     "monte_carlo": lambda g, inputs, rng: monte_carlo(g, inputs, rng, 400_000),
     "importance_sampling": importance_sampling,
     "subset_simulation": subset_simulation,
+    "line_sampling": line_sampling,
 }
 
 
@@ -299,3 +301,31 @@ def test_convolved_field_takes_a_grid_function():
 def test_convolved_field_limits_are_named(arguments, message):
     with pytest.raises(InputError, match=message):
         ConvolvedField(plane, *arguments)
+
+
+def test_line_sampling_is_exact_for_a_plane_and_counts_both_sides():
+    inputs = GaussianNoise(np.zeros(3), np.ones(3))
+    found = line_sampling(lambda X: plane(X[:, :2]), inputs, np.random.default_rng(0), lines=20)
+    assert found.value == pytest.approx(norm.sf(3.0), rel=1e-6)
+    assert found.std < 1e-9
+    band = line_sampling(lambda X: 2.0 - np.abs(X[:, 0]), inputs, np.random.default_rng(0), 20, [1, 0, 0])
+    assert band.value == pytest.approx(2.0 * norm.sf(2.0), rel=1e-3)
+
+
+def test_line_sampling_along_a_poor_direction_is_right_within_its_error():
+    inputs = GaussianNoise(np.zeros(2), np.ones(2))
+    found = line_sampling(
+        lambda X: 2.5 - X[:, 0] - 0.1 * X[:, 1] ** 2, inputs, np.random.default_rng(0), 4000, [0.3, 1.0]
+    )
+    exact = monte_carlo(
+        lambda X: 2.5 - X[:, 0] - 0.1 * X[:, 1] ** 2, inputs, np.random.default_rng(1), 2_000_000
+    )
+    assert abs(found.value - exact.value) < 4.0 * found.std
+    assert found.std > 0.0
+
+
+def test_line_sampling_refuses_what_is_no_direction():
+    inputs = GaussianNoise(np.zeros(2), np.ones(2))
+    for arguments, message in (({"direction": [0.0, 0.0]}, "not all zero"), ({"lines": 1}, "lines = 1")):
+        with pytest.raises(InputError, match=message):
+            line_sampling(lambda X: X[:, 0], inputs, np.random.default_rng(0), **arguments)
