@@ -40,13 +40,12 @@ def ease(x: FloatArray, rates: Rates, settings: FlowSettings, h: float, speed: f
         Smoothing length [m], speed of the flow [m/s], time step [s].
     """
     dp = settings.resolution.dp
-    walls = len(rates.pressure)  # the channels behind them are mirror images, which stand behind the mirror
     _ease(
         x,
         rates.concentration_gradient,
-        rates.sides.signed[:walls],
-        rates.sides.inside[:walls],
-        rates.sides.normal[:walls],
+        rates.sides.signed,
+        rates.sides.inside,
+        rates.sides.normal,
         settings.shifting.coefficient * h * speed * dt,
         settings.shifting.limit * dp,
         dp,

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One pass over all particles: fluid sums, wall sums, rates of change, and the force on the walls.
 
-Work is done group by group of cells (see ``gather``). Groups are dealt to a fixed number of chunks, each of
-which adds up its own wall forces, so results do not depend on how many threads there are or on their order.
+Work is done stretch by stretch of cells (see ``gather``). Stretches are dealt to a fixed number of chunks,
+each of which adds up its own wall forces, so results do not depend on how many threads there are or on their
+order.
 """
 
 from __future__ import annotations
@@ -10,14 +11,12 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from cwmav_sim.sph import wall
-from cwmav_sim.sph.gather import FAR, MOST_RUNS, gather_rows, neighbour_runs, pad
+from cwmav_sim.sph.gather import ANY_IMAGE, FAR, MOST_RUNS, SLABS, fill, stretch, stretches, window
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
-from cwmav_sim.sph.visibility import hide, select_image
+from cwmav_sim.sph.visibility import CHUNKS, gather_sides, hide, ranges
 from cwmav_sim.sph.wall import AREA, ELEMENT_ROWS, ELEMENT_SCALARS, ELEMENT_VECTORS, sum_wall
 
-GROUP = 3  # cells per buffer
-CHUNKS = 64  # independent parts of a pass
+FLUID_VECTORS, FLUID_SCALARS = 2, 3
 
 # Places in the array of scale factors.
 SLOPE, FOUR_NU, DIFFUSION, RHO0, MASS = range(5)
@@ -27,96 +26,109 @@ LOAD_SIZE = 8
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_sides(sides, runs, count, panels, buf):
-    """Copy wall distances of the runs, shape (channels, n); in a mirror a wall and its image swap places."""
-    channels = sides.shape[0]
-    m = 0
-    for run in range(count):
-        first, last = runs[run, 0], runs[run, 1]
-        for c in range(channels):
-            source = c if runs[run, 5] > 0 else (c + panels) % channels
-            for j in range(last - first):
-                buf[c, m + j] = sides[source, first + j]
-        m += last - first
-    for c in range(channels):
-        for j in range(m, buf.shape[1]):
-            buf[c, j] = buf.dtype.type(0.0)
+def _particle(fluid, offset, i):
+    """Values of one particle whose cell lies ``offset`` [m] along z from the centre of its stretch."""
+    z = fluid[2, i] + offset
+    return (fluid[0, i], fluid[1, i], z, fluid[3, i], fluid[4, i], fluid[5, i], fluid[6, i], fluid[7, i])
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _particle(fluid, column, cx, cell, i):
-    """Values of one particle with its position relative to the centre of cell ``cx``."""
-    x = fluid[0, i] + (column[i] - column.dtype.type(cx)) * cell[0]
-    return (x, fluid[1, i], fluid[2, i], fluid[3, i], fluid[4, i], fluid[5, i], fluid[6, i], fluid[7, i])
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _store(sums, scale, density, keep_diffusion, i, rates, shift):
+def _store(sums, scale, density, keep_diffusion, place, acceleration, density_rate, shift):
     """Turn the fluid sums of a particle into rates of change (float64)."""
     rho = scale[RHO0] + density
     slope = scale[SLOPE]
     for q in range(3):
-        rates[q, i] = slope * (-sums[2 + q] / rho + scale[FOUR_NU] * sums[5 + q])
-        shift[q, i] = slope * sums[8 + q]
-    rates[3, i] = slope * (rho * sums[0] - (scale[DIFFUSION] * sums[1] if keep_diffusion else 0.0))
+        acceleration[place, q] = slope * (-sums[2 + q] / rho + scale[FOUR_NU] * sums[5 + q])
+        shift[place, q] = slope * sums[8 + q]
+    density_rate[place] = slope * (rho * sums[0] - (scale[DIFFUSION] * sums[1] if keep_diffusion else 0.0))
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _add_wall(sums, scale, density, i, rates, shift, load):
+def _add_wall(sums, scale, density, place, acceleration, density_rate, shift, load):
     """Add the wall sums of a particle to its rates and take the opposite force to the wall."""
     for q in range(3):
-        rates[q, i] += sums[q] + sums[3 + q]
-        shift[q, i] += sums[7 + q]
+        acceleration[place, q] += sums[q] + sums[3 + q]
+        shift[place, q] += sums[7 + q]
         load[q] -= scale[MASS] * sums[q]
         load[3 + q] -= scale[MASS] * sums[3 + q]
     load[6] -= scale[MASS] * sums[10]
     load[7] -= scale[MASS] * sums[11]
-    rates[3, i] += (scale[RHO0] + density) * sums[6]
+    density_rate[place] += (scale[RHO0] + density) * sums[6]
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def fluid_pass(fluid, column, start, integers, cell, k, scale, shifting, room, rates, shift):
+def fluid_pass(
+    fluid,
+    column,
+    order,
+    start,
+    integers,
+    cell,
+    k,
+    scale,
+    shifting,
+    room,
+    acceleration,
+    density_rate,
+    shift,
+):
     """Rates of change of particles that see no wall anywhere.
 
     Parameters
     ----------
     fluid : ndarray, shape (9, n)
         Packed particles in cell order.
-    column, start, integers, cell : ndarray
-        Their columns, first places, grid integers and cell extent.
+    column, order, start, integers, cell : ndarray
+        Their columns and numbers, first place of every cell, grid integers and cell extent.
     k, scale : ndarray
         Pair constants and scale factors.
     shifting : bool
         Whether the shifting vector is wanted.
     room : int
         Length of the largest buffer.
-    rates, shift : ndarray, shape (4, n) and (3, n), float64
-        Filled with acceleration and density rate, and with the shifting vector [1/m], in cell order.
+    acceleration, density_rate, shift : ndarray, shape (n, 3), (n,) and (n, 3), float64
+        Filled, under the numbers of the particles; the last is the shifting vector [1/m].
     """
-    nx, ny, nz = integers[0], integers[1], integers[2]
+    nx, ny = integers[0], integers[1]
     for chunk in nb.prange(CHUNKS):
         buf = np.empty((FLUID_ROWS, room), fluid.dtype)
+        begin = np.empty(SLABS + 1, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)
         filler[0] = FAR
-        for row in range(chunk, ny * nz, CHUNKS):
-            for cx in range(0, nx, GROUP):
-                cx1 = min(cx + GROUP, nx) - 1
-                first, last = start[row * nx + cx], start[row * nx + cx1 + 1]
-                if first == last:
-                    continue
-                count, _ = neighbour_runs(start, integers, cx, cx1, row % ny, row // ny, runs)
-                m = pad(buf, gather_rows(fluid, column, runs, count, cell, 2, 3, buf), filler)
-                for i in range(first, last):
-                    a = _particle(fluid, column, cx, cell, i)
-                    sums = sum_pairs(a, buf, buf[VOLUME], m, k, shifting)
-                    _store(sums, scale, a[6], True, i, rates, shift)
+        for number in range(chunk, stretches(integers), CHUNKS):
+            place = stretch(integers, number)
+            cx, cy, z0, z1, centre = place
+            fill(
+                fluid,
+                column,
+                start,
+                integers,
+                cell,
+                place,
+                FLUID_VECTORS,
+                FLUID_SCALARS,
+                ANY_IMAGE,
+                filler,
+                runs,
+                buf,
+                begin,
+            )
+            for cz in range(z0, z1):
+                c = (cz * ny + cy) * nx + cx
+                first, n = window(begin, cz - z0)
+                offset = cell.dtype.type(cz - centre) * cell[2]
+                for i in range(start[c], start[c + 1]):
+                    a = _particle(fluid, offset, i)
+                    sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
+                    _store(sums, scale, a[6], True, order[i], acceleration, density_rate, shift)
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def walled_pass(
     fluid,
     column,
+    order,
     start,
     integers,
     cell,
@@ -135,7 +147,8 @@ def walled_pass(
     element_signed,
     element_inside,
     wall_k,
-    rates,
+    acceleration,
+    density_rate,
     shift,
     loads,
 ):
@@ -158,93 +171,117 @@ def walled_pass(
     loads : ndarray, shape (chunks, panels, 8), float64
         Filled with the wall loads of every chunk.
     """
-    nx, ny, nz = integers[0], integers[1], integers[2]
+    nx, ny = integers[0], integers[1]
     channels, panels = signed.shape[0], element_start.shape[0]
     for chunk in nb.prange(CHUNKS):
         buf = np.empty((FLUID_ROWS, room), fluid.dtype)
+        begin = np.empty(SLABS + 1, np.int64)
         weight = np.empty(room, fluid.dtype)
         side_s = np.empty((channels, room), fluid.dtype)
         side_d = np.empty((channels, room), fluid.dtype)
+        low, high = np.empty(channels, fluid.dtype), np.empty(channels, fluid.dtype)
         wall_buf = np.empty((channels, ELEMENT_ROWS, element_room), fluid.dtype)
+        wall_begin = np.empty((channels, SLABS + 1), np.int64)
         wall_s = np.empty((channels, channels, element_room), fluid.dtype)
         wall_d = np.empty((channels, channels, element_room), fluid.dtype)
+        wall_low, wall_high = (
+            np.empty((channels, channels), fluid.dtype),
+            np.empty((channels, channels), fluid.dtype),
+        )
         area = np.empty(element_room, fluid.dtype)
-        used = np.zeros(channels, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
-        chosen = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)
         filler[0] = FAR
         wall_filler = np.zeros(ELEMENT_ROWS, fluid.dtype)
         wall_filler[0] = FAR
         load = np.zeros(LOAD_SIZE)
-        for row in range(chunk, ny * nz, CHUNKS):
-            cy, cz = row % ny, row // ny
-            for cx in range(0, nx, GROUP):
-                cx1 = min(cx + GROUP, nx) - 1
-                first, last = start[row * nx + cx], start[row * nx + cx1 + 1]
-                if first == last:
+        for number in range(chunk, stretches(integers), CHUNKS):
+            place = stretch(integers, number)
+            cx, cy, z0, z1, centre = place
+            fill(
+                fluid,
+                column,
+                start,
+                integers,
+                cell,
+                place,
+                FLUID_VECTORS,
+                FLUID_SCALARS,
+                ANY_IMAGE,
+                filler,
+                runs,
+                buf,
+                begin,
+            )
+            close = False
+            for cz in range(z0, z1):
+                close |= near[(cz * ny + cy) * nx + cx]
+            if close:
+                gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, side_s)
+                gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, side_d)
+                for channel in range(channels):
+                    image = 1 if channel < panels else -1
+                    wall_start = element_start[channel % panels]
+                    fill(
+                        elements,
+                        element_column,
+                        wall_start,
+                        integers,
+                        cell,
+                        place,
+                        ELEMENT_VECTORS,
+                        ELEMENT_SCALARS,
+                        image,
+                        wall_filler,
+                        runs,
+                        wall_buf[channel],
+                        wall_begin[channel],
+                    )
+                    for sides, target in ((element_signed, wall_s), (element_inside, wall_d)):
+                        gather_sides(sides, wall_start, integers, place, image, panels, runs, target[channel])
+            for cz in range(z0, z1):
+                c = (cz * ny + cy) * nx + cx
+                if start[c + 1] == start[c]:
                     continue
-                count, _ = neighbour_runs(start, integers, cx, cx1, cy, cz, runs)
-                m = pad(buf, gather_rows(fluid, column, runs, count, cell, 2, 3, buf), filler)
-                close = False
-                for c in range(cx, cx1 + 1):
-                    close |= near[row * nx + c]
-                if close:
-                    gather_sides(signed, runs, count, panels, side_s)
-                    gather_sides(inside, runs, count, panels, side_d)
+                first, n = window(begin, cz - z0)
+                offset = cell.dtype.type(cz - centre) * cell[2]
+                if not near[c]:
+                    for i in range(start[c], start[c + 1]):
+                        a = _particle(fluid, offset, i)
+                        sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
+                        _store(sums, scale, a[6], True, order[i], acceleration, density_rate, shift)
+                    continue
+                ranges(side_s, first, n, low, high)
+                for channel in range(channels):
+                    first_wall, n_wall = window(wall_begin[channel], cz - z0)
+                    ranges(wall_s[channel], first_wall, n_wall, wall_low[channel], wall_high[channel])
+                for i in range(start[c], start[c + 1]):
+                    a = _particle(fluid, offset, i)
+                    s_a, d_a = signed[:, i], inside[:, i]
+                    seen = hide(buf[VOLUME], s_a, d_a, side_s, side_d, low, high, first, n, weight)
+                    sums = sum_pairs(a, buf, seen, first, n, k, shifting)
+                    _store(sums, scale, a[6], keep_diffusion, order[i], acceleration, density_rate, shift)
                     for channel in range(channels):
-                        count, _ = neighbour_runs(
-                            element_start[channel % panels], integers, cx, cx1, cy, cz, runs
-                        )
-                        count = select_image(runs, count, 1 if channel < panels else -1, chosen)
-                        n = gather_rows(
-                            elements,
-                            element_column,
-                            chosen,
-                            count,
-                            cell,
-                            ELEMENT_VECTORS,
-                            ELEMENT_SCALARS,
-                            wall_buf[channel],
-                        )
-                        used[channel] = pad(wall_buf[channel], n, wall_filler)
-                        gather_sides(element_signed, chosen, count, panels, wall_s[channel])
-                        gather_sides(element_inside, chosen, count, panels, wall_d[channel])
-                for i in range(first, last):
-                    a = _particle(fluid, column, cx, cell, i)
-                    if not close:
-                        sums = sum_pairs(a, buf, buf[VOLUME], m, k, shifting)
-                        _store(sums, scale, a[6], True, i, rates, shift)
-                        continue
-                    hide(buf[VOLUME], signed[:, i], inside[:, i], side_s, side_d, m, weight)
-                    sums = sum_pairs(a, buf, weight, m, k, shifting)
-                    _store(sums, scale, a[6], keep_diffusion, i, rates, shift)
-                    for channel in range(channels):
-                        n = used[channel]
-                        if n == 0:
+                        first_wall, n_wall = window(wall_begin[channel], cz - z0)
+                        if n_wall == 0:
                             continue
                         element = wall_buf[channel]
-                        hide(
+                        faced = hide(
                             element[AREA],
-                            signed[:, i],
-                            inside[:, i],
+                            s_a,
+                            d_a,
                             wall_s[channel],
                             wall_d[channel],
-                            n,
+                            wall_low[channel],
+                            wall_high[channel],
+                            first_wall,
+                            n_wall,
                             area,
                         )
-                        sums_wall = sum_wall(a, signed[channel, i], element, area, n, wall_k)
+                        sums_wall = sum_wall(a, s_a[channel], element, faced, first_wall, n_wall, wall_k)
                         load[:] = 0.0
-                        _add_wall(sums_wall, scale, a[6], i, rates, shift, load)
+                        _add_wall(sums_wall, scale, a[6], order[i], acceleration, density_rate, shift, load)
                         if channel >= panels:  # the force on an image is the mirror of one on the wall itself
                             load[1] = -load[1]
                             load[4] = -load[4]
                         loads[chunk, channel % panels] += load
-
-
-def wall_room(start: np.ndarray, integers: np.ndarray, largest) -> int:
-    """Return the buffer length that holds the elements of any panel around any group."""
-    return max([largest(row, integers, GROUP) for row in start], default=0)
-
-
-__all__ = ["CHUNKS", "GROUP", "LOAD_SIZE", "fluid_pass", "wall", "wall_room", "walled_pass"]

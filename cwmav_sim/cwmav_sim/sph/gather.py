@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Copy everything around a group of cells into one contiguous buffer.
+"""Copy everything around a stretch of cells into one contiguous buffer.
 
-Points are stored in cell order with coordinates relative to the centre of their own cell, so single
-precision suffices however large the box is. A buffer holds coordinates relative to the centre of the first
-cell of the group; periodic images and mirror images appear in it as ordinary entries.
+Points are stored in cell order, x fastest, with coordinates relative to the centre of their own cell, so
+single precision suffices however large the box is. A buffer belongs to a stretch of cells along z at one
+(cx, cy). It is filled slab by slab: slab k holds the points of the cells within reach in x and y at z index
+k, in a few runs of memory each. What surrounds one cell of the stretch is then the contiguous window of the
+slabs within its reach, and every slab is copied once although it serves several cells. Coordinates in the
+buffer are relative to the centre of the stretch; periodic images and mirror images are ordinary entries.
 """
 
 from __future__ import annotations
@@ -11,55 +14,63 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-REACH = 2
-PADDING = 64  # entries; a multiple of the widest unrolled vector loop
-FAR = 1.0e3  # metres; padding entries lie here, outside every support
-MOST_RUNS = 80
+from cwmav_sim.sph.blocks import BLOCK, add_block, scaled_block
 
-# Columns of a run: first and last place, shift in x [cells], shift in y and z [cells], sign of y.
+REACH = 2
+STRETCH = 8  # cells along z that share a buffer
+SLABS = STRETCH + 2 * REACH
+PADDING = 32  # entries; a multiple of what a vector loop takes at once, and of a block
+FAR = 1.0e3  # metres; padding entries lie here, outside every support
+MOST_RUNS = 40  # of a slab: rows within reach in y, each cut at most a few times by periodic faces
+ANY_IMAGE = 0  # points as they are and mirror images alike
+
+# Columns of a run: first and last place, shift in x, y and z [cells], sign of y.
 FIRST, LAST, SHIFT_X, SHIFT_Y, SHIFT_Z, SIGN = range(6)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def neighbour_runs(start, integers, cx0, cx1, cy, cz, runs):
-    """List the contiguous runs of points around cells cx0 .. cx1 of row (cy, cz); return runs and points."""
+def slab_runs(start, integers, cx, cy, cz, dz, image, runs):
+    """List the contiguous runs of points around cell (cx, cy) at z index cz + dz; return their number.
+
+    ``dz`` [cells] is also the shift in z of the runs. ``image`` 1 takes the points themselves, -1 their
+    mirror images and :data:`ANY_IMAGE` both.
+    """
     nx, ny, nz, mirrored, reach_y = integers[0], integers[1], integers[2], integers[3], integers[4]
     count = 0
-    points = 0
-    for dz in range(-REACH, REACH + 1):
-        kz = (cz + dz) % nz
-        for dy in range(-reach_y, reach_y + 1):
-            ky = cy + dy
-            sign = 1
-            if mirrored:
-                if ky < 0:
-                    ky, sign = -1 - ky, -1
-                elif ky >= ny:
-                    ky, sign = 2 * ny - 1 - ky, -1
-            else:
-                ky %= ny
-            row = (kz * ny + ky) * nx
-            x = cx0 - REACH
-            while x <= cx1 + REACH:
-                image = x // nx
-                end = min(cx1 + REACH, (image + 1) * nx - 1)
-                first, last = start[row + x - image * nx], start[row + end - image * nx + 1]
-                if last > first:
-                    runs[count, FIRST] = first
-                    runs[count, LAST] = last
-                    runs[count, SHIFT_X] = image * nx - cx0
-                    runs[count, SHIFT_Y] = dy
-                    runs[count, SHIFT_Z] = dz
-                    runs[count, SIGN] = sign
-                    count += 1
-                    points += last - first
-                x = end + 1
-    return count, points
+    kz = (cz + dz) % nz
+    for dy in range(-reach_y, reach_y + 1):
+        ky = cy + dy
+        sign = 1
+        if mirrored:
+            if ky < 0:
+                ky, sign = -1 - ky, -1
+            elif ky >= ny:
+                ky, sign = 2 * ny - 1 - ky, -1
+        else:
+            ky %= ny
+        if sign == -image:
+            continue
+        row = (kz * ny + ky) * nx
+        x = cx - REACH
+        while x <= cx + REACH:
+            lap = x // nx
+            end = min(cx + REACH, (lap + 1) * nx - 1)
+            first, last = start[row + x - lap * nx], start[row + end - lap * nx + 1]
+            if last > first:
+                runs[count, FIRST] = first
+                runs[count, LAST] = last
+                runs[count, SHIFT_X] = lap * nx - cx
+                runs[count, SHIFT_Y] = dy
+                runs[count, SHIFT_Z] = dz
+                runs[count, SIGN] = sign
+                count += 1
+            x = end + 1
+    return count
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
-def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf):
-    """Copy the points of the runs into ``buf`` and return how many there are.
+@nb.njit(cache=True, error_model="numpy")
+def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf, m):
+    """Copy the points of the runs into ``buf`` from entry ``m`` on and return the entry after the last.
 
     Parameters
     ----------
@@ -68,15 +79,17 @@ def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf):
     column : ndarray, shape (n,)
         x index of the cell of each point, in the precision of the pairs.
     runs, count : ndarray, int
-        From :func:`neighbour_runs`.
+        From :func:`slab_runs`.
     cell : ndarray, shape (3,)
         Extent of a cell [m], in the precision of the pairs.
     vectors, scalars : int
         How the rows of ``packed`` divide; the y component of every vector changes sign in a mirror.
-    buf : ndarray, shape (rows, m)
-        Filled from entry 0.
+    buf : ndarray, shape (rows, room)
+        Filled.
+    m : int
+        First free entry.
     """
-    m = 0
+    one, zero = cell.dtype.type(1.0), cell.dtype.type(0.0)
     for run in range(count):
         first, last = runs[run, FIRST], runs[run, LAST]
         length = last - first
@@ -84,17 +97,29 @@ def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf):
         shift_x = cell.dtype.type(runs[run, SHIFT_X])
         shift_y = cell.dtype.type(runs[run, SHIFT_Y]) * cell[1]
         shift_z = cell.dtype.type(runs[run, SHIFT_Z]) * cell[2]
-        for j in range(length):
-            buf[0, m + j] = packed[0, first + j] + (column[first + j] + shift_x) * cell[0]
+        # Whole blocks may read beyond the run; what they leave in the buffer is overwritten or padding.
+        blocks = min((length + BLOCK - 1) // BLOCK, (packed.shape[1] - first) // BLOCK)
+        for block in range(blocks):
+            source, target = first + block * BLOCK, m + block * BLOCK
+            scaled_block(buf, 0, target, packed, 0, source, one, shift_x * cell[0])
+            add_block(buf, 0, target, column, source, cell[0])
+            scaled_block(buf, 1, target, packed, 1, source, sign, shift_y)
+            scaled_block(buf, 2, target, packed, 2, source, one, shift_z)
+            for k in range(1, vectors):
+                scaled_block(buf, 3 * k, target, packed, 3 * k, source, one, zero)
+                scaled_block(buf, 3 * k + 1, target, packed, 3 * k + 1, source, sign, zero)
+                scaled_block(buf, 3 * k + 2, target, packed, 3 * k + 2, source, one, zero)
+            for k in range(3 * vectors, 3 * vectors + scalars):
+                scaled_block(buf, k, target, packed, k, source, one, zero)
+        for j in range(blocks * BLOCK, length):
+            buf[0, m + j] = packed[0, first + j] + shift_x * cell[0] + column[first + j] * cell[0]
             buf[1, m + j] = sign * packed[1, first + j] + shift_y
             buf[2, m + j] = packed[2, first + j] + shift_z
-        for k in range(1, vectors):
-            for j in range(length):
+            for k in range(1, vectors):
                 buf[3 * k, m + j] = packed[3 * k, first + j]
                 buf[3 * k + 1, m + j] = sign * packed[3 * k + 1, first + j]
                 buf[3 * k + 2, m + j] = packed[3 * k + 2, first + j]
-        for k in range(3 * vectors, 3 * vectors + scalars):
-            for j in range(length):
+            for k in range(3 * vectors, 3 * vectors + scalars):
                 buf[k, m + j] = packed[k, first + j]
         m += length
     return m
@@ -102,24 +127,72 @@ def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf):
 
 @nb.njit(cache=True, error_model="numpy")
 def pad(buf, used, filler):
-    """Fill up to a whole number of vector loops with copies of ``filler`` and return the padded length."""
-    end = (used + PADDING - 1) // PADDING * PADDING
+    """Put copies of ``filler`` behind the ``used`` entries, as many as a window may reach beyond them."""
     for k in range(buf.shape[0]):
-        for j in range(used, end):
+        for j in range(used, used + PADDING):
             buf[k, j] = filler[k]
-    return end
 
 
 @nb.njit(cache=True, error_model="numpy")
-def largest_buffer(start, integers, width):
-    """Return the padded length that holds the surroundings of any group of ``width`` cells."""
+def fill(packed, column, start, integers, cell, place, vectors, scalars, image, filler, runs, buf, begin):
+    """Fill a buffer with everything around a stretch of cells.
+
+    Parameters
+    ----------
+    packed, column, start, integers, cell : ndarray
+        Sorted points, their columns, first place of every cell, grid integers and cell extent.
+    place : tuple of 5 int
+        Cell indices x and y of the stretch, first z and the one after the last, and the z it is centred on.
+    vectors, scalars, image : int
+        See :func:`gather_rows` and :func:`slab_runs`.
+    filler : ndarray, shape (rows,)
+        A harmless entry.
+    runs : ndarray, shape (MOST_RUNS, 6), int
+        Working space.
+    buf : ndarray, shape (rows, room)
+        Filled.
+    begin : ndarray, shape (SLABS + 1,), int
+        Filled with the first entry of every slab.
+    """
+    cx, cy, z0, z1, centre = place
+    m = 0
+    slabs = z1 - z0 + 2 * REACH
+    for slab in range(slabs):
+        begin[slab] = m
+        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
+        m = gather_rows(packed, column, runs, count, cell, vectors, scalars, buf, m)
+    begin[slabs] = m
+    pad(buf, m, filler)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def window(begin, cz):
+    """Return first entry and padded length of what surrounds cell ``cz`` of a stretch, counted from its begin.
+
+    The padding reaches into the next slab or into the filler, both of which lie outside the support.
+    """
+    first = begin[cz]
+    length = begin[cz + 2 * REACH + 1] - first
+    return first, (length + PADDING - 1) // PADDING * PADDING
+
+
+@nb.njit(cache=True, error_model="numpy")
+def stretches(integers):
+    """Return the number of stretches of the whole grid."""
+    return integers[0] * integers[1] * ((integers[2] + STRETCH - 1) // STRETCH)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def stretch(integers, number):
+    """Return the place of a stretch: x, y, first z, the z after the last, and the z it is centred on."""
     nx, ny, nz = integers[0], integers[1], integers[2]
-    most = 0
-    runs = np.empty((MOST_RUNS, 6), np.int64)
-    for row in range(ny * nz):
-        for cx in range(0, nx, width):
-            _, points = neighbour_runs(
-                start, integers, cx, min(cx + width, nx) - 1, row % ny, row // ny, runs
-            )
-            most = max(most, points)
-    return (most + PADDING - 1) // PADDING * PADDING
+    z0 = number // (nx * ny) * STRETCH
+    z1 = min(z0 + STRETCH, nz)
+    return number % nx, number // nx % ny, z0, z1, (z0 + z1) // 2
+
+
+def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:
+    """Return a buffer length that holds the surroundings of any stretch, padding included."""
+    fullest = int(np.diff(start, axis=-1).max(initial=0))
+    rows = 2 * int(integers[4]) + 1
+    return fullest * rows * (2 * REACH + 1) * SLABS + PADDING + BLOCK

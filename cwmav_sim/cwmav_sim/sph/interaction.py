@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from cwmav_sim.sph import forces
 from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
 from cwmav_sim.sph.eos import Tait
-from cwmav_sim.sph.gather import largest_buffer
+from cwmav_sim.sph.gather import buffer_room
 from cwmav_sim.sph.kernel import Kernel
 from cwmav_sim.sph.pair import FLUID_ROWS, pair_constants
 from cwmav_sim.sph.settings import FlowSettings
@@ -47,7 +47,7 @@ class Rates:
     power : ndarray, shape (panels,)
         Power every panel gives to the air [W].
     sides : Sides
-        Where the particles lie with respect to the walls.
+        Where the particles lie with respect to the walls, mirror images left out.
     """
 
     acceleration: FloatArray
@@ -152,24 +152,26 @@ class Interaction:
         self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray, shifting: bool
     ) -> Rates:
         integers = self._grid.integers
-        rates, shift = np.empty((4, particles.count)), np.empty((3, particles.count))
-        room = largest_buffer(sorting.start, integers, forces.GROUP)
+        n = particles.count
+        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         forces.fluid_pass(
             fluid,
             column,
+            sorting.order,
             sorting.start,
             integers,
             self._grid.cell.astype(self.dtype),
             self._pair_k,
             self._scale,
             shifting,
-            room,
-            rates,
+            buffer_room(sorting.start, integers),
+            acceleration,
+            density_rate,
             shift,
         )
-        sides = Sides.empty(0, particles.count, self.dtype)
-        rates[:3] += self._gravity[:, None]
-        return _in_storage_order(sorting, rates, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
+        sides = Sides.empty(0, n, self.dtype)
+        acceleration += self._gravity
+        return _rates(acceleration, density_rate, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
 
     def _bounded(
         self,
@@ -182,13 +184,15 @@ class Interaction:
     ) -> Rates:
         integers = self._grid.integers
         elements, sides = surfaces.elements, surfaces.particle_sides
-        rates, shift = np.empty((4, particles.count)), np.empty((3, particles.count))
+        n = particles.count
+        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         loads = np.zeros((forces.CHUNKS, self.panels, forces.LOAD_SIZE))
         scale = self._scale.copy()
         scale[forces.MASS] = particles.mass
         forces.walled_pass(
             fluid,
             column,
+            sorting.order,
             sorting.start,
             integers,
             self._grid.cell.astype(self.dtype),
@@ -196,23 +200,25 @@ class Interaction:
             scale,
             shifting,
             self._keep_diffusion,
-            largest_buffer(sorting.start, integers, forces.GROUP),
+            buffer_room(sorting.start, integers),
             sides.signed,
             sides.inside,
             surfaces.near,
             elements.rows,
             elements.column,
             elements.start,
-            forces.wall_room(elements.start, integers, largest_buffer),
+            buffer_room(elements.start, integers),
             surfaces.element_sides.signed,
             surfaces.element_sides.inside,
             self._wall_k,
-            rates,
+            acceleration,
+            density_rate,
             shift,
             loads,
         )
-        rates[:3] += self._gravity[:, None]
-        return _in_storage_order(sorting, rates, shift, loads.sum(axis=0), sides)
+        acceleration += self._gravity
+        own = sides.in_storage_order(self.panels, sorting.order)
+        return _rates(acceleration, density_rate, shift, loads.sum(axis=0), own)
 
 
 def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuadrature:
@@ -232,17 +238,15 @@ def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuad
     )
 
 
-def _in_storage_order(
-    sorting: Sorting, rates: FloatArray, shift: FloatArray, loads: FloatArray, sides: Sides
+def _rates(
+    acceleration: FloatArray, density_rate: FloatArray, shift: FloatArray, loads: FloatArray, sides: Sides
 ) -> Rates:
-    place = np.empty_like(sorting.order)
-    place[sorting.order] = np.arange(len(place))
     return Rates(
-        acceleration=np.ascontiguousarray(rates[:3, place].T),
-        density_rate=rates[3, place],
-        concentration_gradient=np.ascontiguousarray(shift[:, place].T),
+        acceleration=acceleration,
+        density_rate=density_rate,
+        concentration_gradient=shift,
         pressure=loads[:, 0:3],
         viscous=loads[:, 3:6],
         power=-(loads[:, 6] + loads[:, 7]),
-        sides=sides.take(place),
+        sides=sides,
     )

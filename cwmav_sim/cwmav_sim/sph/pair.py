@@ -51,7 +51,7 @@ def pair_constants(
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def sum_pairs(a, buf, volume, n, k, shifting):
+def sum_pairs(a, buf, volume, first, n, k, shifting):
     """Sum the interaction of one particle over ``n`` buffered neighbours.
 
     Parameters
@@ -62,8 +62,8 @@ def sum_pairs(a, buf, volume, n, k, shifting):
         Neighbours, rows as in the packed fluid.
     volume : ndarray, shape (m,)
         Volume of each neighbour, zero where hidden by a wall.
-    n : int
-        Entries to use.
+    first, n : int
+        First entry and number of entries to use.
     k : ndarray, shape (9,)
         Pair constants.
     shifting : bool
@@ -79,9 +79,10 @@ def sum_pairs(a, buf, volume, n, k, shifting):
     half_over_h, eta2, one, zero, two, four = k[HALF_OVER_H], k[ETA2], k[ONE], k[ZERO], k[TWO], k[FOUR]
     rho_a = da + k[TWICE_RHO0]
     ratio, tensile = k[W_RATIO], k[TENSILE]
-    x, y, z = buf[X], buf[Y], buf[Z]
-    u, v, w = buf[VX], buf[VY], buf[VZ]
-    density, pressure = buf[DENSITY], buf[PRESSURE]
+    end = first + n
+    x, y, z = buf[X][first:end], buf[Y][first:end], buf[Z][first:end]
+    u, v, w = buf[VX][first:end], buf[VY][first:end], buf[VZ][first:end]
+    density, pressure, volume = buf[DENSITY][first:end], buf[PRESSURE][first:end], volume[first:end]
     rho0 = k[TWICE_RHO0] / two
     div = dif = px = py = pz = fx = fy = fz = sx = sy = sz = zero
     for j in range(n):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cwmav_sim.sph import visibility
 from cwmav_sim.sph.cells import Grid, sort_into_cells
+from cwmav_sim.sph.gather import buffer_room
 from cwmav_sim.sph.sheet import Elements, SheetQuadrature
 
 FloatArray = NDArray[np.float64]
@@ -58,6 +59,14 @@ class Sides:
         """Return room for ``count`` points."""
         shape = (channels, count)
         return cls(np.zeros(shape, dtype), np.zeros(shape, dtype), np.zeros((channels, 3, count), dtype))
+
+    def in_storage_order(self, panels: int, order: IntArray) -> Sides:
+        """Return the sides of the walls themselves, of points in cell order, under their numbers ``order``."""
+        out = Sides.empty(panels, len(order), self.signed.dtype)
+        out.signed[:, order] = self.signed[:panels]
+        out.inside[:, order] = self.inside[:panels]
+        out.normal[:, :, order] = self.normal[:panels]
+        return out
 
     def take(self, places: IntArray) -> Sides:
         """Return the points in another order."""
@@ -116,6 +125,7 @@ def locate_surfaces(
     near = np.empty(grid.cells, np.bool_)
     visibility.mark_near(elements.start, grid.integers, near)
     cell = grid.cell.astype(dtype)
+    room = buffer_room(probes.start, grid.integers)
 
     def locate(points: NDArray, columns: NDArray, first: IntArray, own: int, sides: Sides) -> None:
         visibility.locate(
@@ -126,6 +136,7 @@ def locate_surfaces(
             probes.rows,
             probes.column,
             probes.start,
+            room,
             grid.integers,
             cell,
             near,

@@ -18,11 +18,27 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from cwmav_sim.sph.gather import MOST_RUNS, REACH, SIGN, gather_rows, neighbour_runs
+from cwmav_sim.sph.blocks import BLOCK, scaled_block
+from cwmav_sim.sph.gather import (
+    FAR,
+    FIRST,
+    LAST,
+    MOST_RUNS,
+    PADDING,
+    REACH,
+    SIGN,
+    SLABS,
+    fill,
+    slab_runs,
+    stretch,
+    stretches,
+)
 
 # Rows of packed probes: position, normal, inward direction, distance inside the outline.
 PROBE_VECTORS, PROBE_SCALARS = 3, 1
 PROBE_ROWS = 10
+
+CHUNKS = 64  # independent parts of a pass
 
 
 @nb.njit(cache=True)
@@ -47,17 +63,6 @@ def mark_near(start, integers, near):
                         near[row + (cx + dx) % nx] = True
 
 
-@nb.njit(cache=True)
-def select_image(runs, count, sign, chosen):
-    """Copy the runs of one mirror sign and return how many."""
-    kept = 0
-    for i in range(count):
-        if runs[i, SIGN] == sign:
-            chosen[kept] = runs[i]
-            kept += 1
-    return kept
-
-
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def locate(
     points,
@@ -67,6 +72,7 @@ def locate(
     probes,
     probe_column,
     probe_start,
+    room,
     integers,
     cell,
     near,
@@ -84,6 +90,8 @@ def locate(
         Panel the points lie on, or -1; its distance is left zero.
     probes, probe_column, probe_start : ndarray
         Packed probes (10 rows), their columns, first places per panel, shape (p, cells + 1).
+    room : int
+        Length of the largest buffer of probes.
     integers, cell : ndarray
         Grid integers and cell extent.
     near : ndarray, shape (cells,), bool
@@ -93,71 +101,157 @@ def locate(
     normal : ndarray, shape (channels, 3, n)
         Filled with the normal at the nearest probe.
     """
-    nx, ny, nz = integers[0], integers[1], integers[2]
-    panels = probe_start.shape[0]
-    channels = signed.shape[0]
+    nx, ny = integers[0], integers[1]
+    panels, channels = probe_start.shape[0], signed.shape[0]
     zero = cell.dtype.type(0.0)
-    for row in nb.prange(ny * nz):
+    for chunk in nb.prange(CHUNKS):
         runs = np.empty((MOST_RUNS, 6), np.int64)
-        chosen = np.empty((MOST_RUNS, 6), np.int64)
-        buf = np.empty((PROBE_ROWS, 1), cell.dtype)
-        for cx in range(nx):
-            c = row * nx + cx
-            first, last = start[c], start[c + 1]
-            if first == last:
-                continue
+        begin = np.empty(SLABS + 1, np.int64)
+        buf = np.empty((PROBE_ROWS, room), cell.dtype)
+        filler = np.zeros(PROBE_ROWS, cell.dtype)
+        filler[0] = FAR
+        for number in range(chunk, stretches(integers), CHUNKS):
+            place = stretch(integers, number)
+            cx, cy, z0, z1, centre = place
             for channel in range(channels):
-                for i in range(first, last):
-                    signed[channel, i] = zero
-                    inside[channel, i] = zero
-            if not near[c]:
-                continue
-            for channel in range(channels):
+                close = False
+                for cz in range(z0, z1):
+                    c = (cz * ny + cy) * nx + cx
+                    close |= near[c] and start[c + 1] > start[c]
+                    for i in range(start[c], start[c + 1]):
+                        signed[channel, i] = zero
+                        inside[channel, i] = zero
                 panel = channel % panels
-                if channel == own:
+                if not close or channel == own:
                     continue
-                count, points_around = neighbour_runs(
-                    probe_start[panel], integers, cx, cx, row % ny, row // ny, runs
+                image = 1 if channel < panels else -1
+                fill(
+                    probes,
+                    probe_column,
+                    probe_start[panel],
+                    integers,
+                    cell,
+                    place,
+                    PROBE_VECTORS,
+                    PROBE_SCALARS,
+                    image,
+                    filler,
+                    runs,
+                    buf,
+                    begin,
                 )
-                if points_around > buf.shape[1]:
-                    buf = np.empty((PROBE_ROWS, 2 * points_around), cell.dtype)
-                count = select_image(runs, count, 1 if channel < panels else -1, chosen)
-                m = gather_rows(probes, probe_column, chosen, count, cell, PROBE_VECTORS, PROBE_SCALARS, buf)
-                if m == 0:
-                    continue
-                for i in range(first, last):
-                    x, y, z = points[0, i], points[1, i], points[2, i]
-                    best = cell.dtype.type(1e30)
-                    at = 0
-                    for j in range(m):
-                        dx, dy, dz = x - buf[0, j], y - buf[1, j], z - buf[2, j]
-                        r2 = dx * dx + dy * dy + dz * dz
-                        if r2 < best:
-                            best = r2
-                            at = j
-                    dx, dy, dz = x - buf[0, at], y - buf[1, at], z - buf[2, at]
-                    signed[channel, i] = dx * buf[3, at] + dy * buf[4, at] + dz * buf[5, at]
-                    inside[channel, i] = buf[9, at] + dx * buf[6, at] + dy * buf[7, at] + dz * buf[8, at]
-                    for q in range(3):
-                        normal[channel, q, i] = buf[3 + q, at]
+                for cz in range(z0, z1):
+                    first, last = begin[cz - z0], begin[cz - z0 + 2 * REACH + 1]
+                    if first == last:
+                        continue
+                    c = (cz * ny + cy) * nx + cx
+                    offset = cell.dtype.type(cz - centre) * cell[2]
+                    for i in range(start[c], start[c + 1]):
+                        _measure(
+                            points[0, i],
+                            points[1, i],
+                            points[2, i] + offset,
+                            buf,
+                            first,
+                            last,
+                            channel,
+                            i,
+                            signed,
+                            inside,
+                            normal,
+                        )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _measure(x, y, z, buf, first, last, channel, i, signed, inside, normal):
+    """Distances of one point by the nearest of the probes ``first`` .. ``last``."""
+    best = buf.dtype.type(1e30)
+    at = first
+    for j in range(first, last):
+        dx, dy, dz = x - buf[0, j], y - buf[1, j], z - buf[2, j]
+        r2 = dx * dx + dy * dy + dz * dz
+        if r2 < best:
+            best = r2
+            at = j
+    dx, dy, dz = x - buf[0, at], y - buf[1, at], z - buf[2, at]
+    signed[channel, i] = dx * buf[3, at] + dy * buf[4, at] + dz * buf[5, at]
+    inside[channel, i] = buf[9, at] + dx * buf[6, at] + dy * buf[7, at] + dz * buf[8, at]
+    for q in range(3):
+        normal[channel, q, i] = buf[3 + q, at]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def gather_sides(sides, start, integers, place, image, panels, runs, buf):
+    """Copy wall distances, shape (channels, n), of what :func:`~cwmav_sim.sph.gather.fill` copies.
+
+    In a mirror a wall and its image swap places.
+    """
+    cx, cy, z0, z1, centre = place
+    channels = sides.shape[0]
+    one, zero = buf.dtype.type(1.0), buf.dtype.type(0.0)
+    m = 0
+    for slab in range(z1 - z0 + 2 * REACH):
+        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
+        for run in range(count):
+            first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
+            for c in range(channels):
+                source = c if runs[run, SIGN] > 0 else (c + panels) % channels
+                blocks = min((length + BLOCK - 1) // BLOCK, (sides.shape[1] - first) // BLOCK)
+                for block in range(blocks):
+                    scaled_block(buf, c, m + block * BLOCK, sides, source, first + block * BLOCK, one, zero)
+                for j in range(blocks * BLOCK, length):
+                    buf[c, m + j] = sides[source, first + j]
+            m += length
+    for c in range(channels):
+        for j in range(m, m + PADDING):
+            buf[c, j] = buf.dtype.type(0.0)
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def hide(weight, signed_a, inside_a, signed, inside, n, out):
-    """Copy ``weight`` to ``out`` with zero where a wall stands between a particle and the entry.
+def ranges(signed, first, n, lowest, highest):
+    """Fill in the lowest and the highest distance of ``n`` entries from every wall, shape (channels,) each."""
+    for c in range(signed.shape[0]):
+        s = signed[c][first : first + n]
+        low = high = signed.dtype.type(0.0)
+        for j in range(n):
+            low = s[j] if s[j] < low else low
+            high = s[j] if s[j] > high else high
+        lowest[c], highest[c] = low, high
 
-    ``signed_a`` and ``inside_a`` are the distances of the particle, one per channel; ``signed`` and
-    ``inside``, shape (channels, m), those of the entries.
+
+@nb.njit(cache=True, fastmath=True, error_model="numpy")
+def hide(weight, signed_a, inside_a, signed, inside, lowest, highest, first, n, out):
+    """Return ``weight`` with zero where a wall stands between a particle and an entry.
+
+    Parameters
+    ----------
+    weight : ndarray, shape (m,)
+        One value per entry; returned as it is when no wall can be in between.
+    signed_a, inside_a : ndarray, shape (channels,)
+        Distances of the particle.
+    signed, inside : ndarray, shape (channels, m)
+        Distances of the entries.
+    lowest, highest : ndarray, shape (channels,)
+        Range of ``signed`` over the entries in use, from :func:`ranges`.
+    first, n : int
+        Entries in use.
+    out : ndarray, shape (m,)
+        Room for the result.
     """
     zero = weight.dtype.type(0.0)
-    for j in range(n):
-        out[j] = weight[j]
+    copied = False
     for c in range(signed.shape[0]):
         s_a, d_a = signed_a[c], inside_a[c]
-        if s_a == zero:
+        if s_a * lowest[c] >= zero and s_a * highest[c] >= zero:
             continue
+        if not copied:
+            copied = True
+            for j in range(first, first + n):
+                out[j] = weight[j]
         size = abs(s_a)
-        s, d = signed[c], inside[c]
+        s, d = signed[c][first : first + n], inside[c][first : first + n]
+        target = out[first : first + n]
         for j in range(n):
             hidden = (s_a * s[j] < zero) & (d_a * abs(s[j]) + d[j] * size > zero)
-            out[j] = zero if hidden else out[j]
+            target[j] = zero if hidden else target[j]
+    return out if copied else weight

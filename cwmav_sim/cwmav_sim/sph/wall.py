@@ -98,7 +98,7 @@ def wall_constants(
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def sum_wall(a, side, buf, area, n, k):
+def sum_wall(a, side, buf, area, first, n, k):
     """Sum the wall terms of one particle over ``n`` buffered elements.
 
     Parameters
@@ -111,8 +111,8 @@ def sum_wall(a, side, buf, area, n, k):
         Elements, rows as packed.
     area : ndarray, shape (m,)
         Area of each element, zero where hidden by another wall.
-    n : int
-        Entries to use.
+    first, n : int
+        First entry and number of entries to use.
     k : ndarray, shape (32,)
         Wall constants.
 
@@ -139,9 +139,11 @@ def sum_wall(a, side, buf, area, n, k):
         k[COEFFICIENTS + 9],
     )
     c0, c1, c2 = k[COEFFICIENTS + 10], k[COEFFICIENTS + 11], k[COEFFICIENTS + 12]
-    x, y, z = buf[EX], buf[EY], buf[EZ]
-    u, v, w = buf[EVX], buf[EVY], buf[EVZ]
-    normal_x, normal_y, normal_z, acceleration = buf[NX], buf[NY], buf[NZ], buf[NORMAL_ACCELERATION]
+    end = first + n
+    x, y, z = buf[EX][first:end], buf[EY][first:end], buf[EZ][first:end]
+    u, v, w = buf[EVX][first:end], buf[EVY][first:end], buf[EVZ][first:end]
+    normal_x, normal_y, normal_z = buf[NX][first:end], buf[NY][first:end], buf[NZ][first:end]
+    acceleration, area = buf[NORMAL_ACCELERATION][first:end], area[first:end]
     px = py = pz = fx = fy = fz = div = sx = sy = sz = pp = pf = zero
     for j in range(n):
         dx, dy, dz = xa - x[j], ya - y[j], za - z[j]

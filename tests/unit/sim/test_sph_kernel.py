@@ -60,7 +60,7 @@ def test_sums_of_one_particle_are_the_written_formulas():
     kernel = Kernel(0.02, 3)
     k = pair_constants(kernel.h, 1.225, 1.0, 1.0, 0.0, np.dtype(np.float64))
     a = tuple(rows[:8, 0])
-    sums = np.array(sum_pairs(a, rows, rows[8], rows.shape[1], k, True)) * kernel.slope
+    sums = np.array(sum_pairs(a, rows, rows[8], 0, rows.shape[1], k, True)) * kernel.slope
     r = rows[0:3, 0, None] - rows[0:3, 1:count]
     v = rows[3:6, 0, None] - rows[3:6, 1:count]
     r2 = np.sum(r**2, axis=0)
