@@ -167,7 +167,7 @@ def fill(packed, column, start, integers, cell, place, vectors, scalars, image, 
 
 @nb.njit(cache=True, error_model="numpy")
 def window(begin, cz):
-    """Return first entry and padded length of what surrounds cell ``cz`` of a stretch, counted from its begin.
+    """Return first entry and padded length of what surrounds cell ``cz`` of a stretch, counted from 0.
 
     The padding reaches into the next slab or into the filler, both of which lie outside the support.
     """

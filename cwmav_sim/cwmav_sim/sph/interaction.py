@@ -25,6 +25,7 @@ from cwmav_sim.sph.sheet import Motion, Nodes, SheetQuadrature
 from cwmav_sim.sph.state import Particles
 from cwmav_sim.sph.surfaces import Sides, Surfaces, locate_surfaces
 from cwmav_sim.sph.timers import Timers
+from cwmav_sim.sph.visibility import CHUNKS
 from cwmav_sim.sph.wall import wall_constants
 
 FloatArray = NDArray[np.float64]
@@ -186,7 +187,7 @@ class Interaction:
         elements, sides = surfaces.elements, surfaces.particle_sides
         n = particles.count
         acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
-        loads = np.zeros((forces.CHUNKS, self.panels, forces.LOAD_SIZE))
+        loads = np.zeros((CHUNKS, self.panels, forces.LOAD_SIZE))
         scale = self._scale.copy()
         scale[forces.MASS] = particles.mass
         forces.walled_pass(

@@ -61,7 +61,7 @@ class Sides:
         return cls(np.zeros(shape, dtype), np.zeros(shape, dtype), np.zeros((channels, 3, count), dtype))
 
     def in_storage_order(self, panels: int, order: IntArray) -> Sides:
-        """Return the sides of the walls themselves, of points in cell order, under their numbers ``order``."""
+        """Return the sides of the walls themselves, put from cell order under the numbers ``order``."""
         out = Sides.empty(panels, len(order), self.signed.dtype)
         out.signed[:, order] = self.signed[:panels]
         out.inside[:, order] = self.inside[:panels]

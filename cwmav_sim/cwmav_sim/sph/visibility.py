@@ -209,7 +209,7 @@ def gather_sides(sides, start, integers, place, image, panels, runs, buf):
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
 def ranges(signed, first, n, lowest, highest):
-    """Fill in the lowest and the highest distance of ``n`` entries from every wall, shape (channels,) each."""
+    """Fill in lowest and highest distance of ``n`` entries from every wall, shape (channels,) each."""
     for c in range(signed.shape[0]):
         s = signed[c][first : first + n]
         low = high = signed.dtype.type(0.0)
