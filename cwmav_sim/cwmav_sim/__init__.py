@@ -13,5 +13,5 @@ from cwmav_sim.fingerprint import solver_fingerprint
 
 __version__ = "0.1.0"
 
-_ROOT = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__")  # type: ignore[attr-defined]
-numba.config.CACHE_DIR = str(_ROOT / f"kernels-{solver_fingerprint()}")  # type: ignore[attr-defined]
+_ROOT = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__")
+numba.config.CACHE_DIR = str(_ROOT / f"kernels-{solver_fingerprint()}")
