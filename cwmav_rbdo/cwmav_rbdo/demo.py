@@ -77,12 +77,7 @@ def _show_rig(client: Any, recording: Path) -> None:
         begin, end = opened.span_ns
     kind = "synthetic" if estimate.synthetic else "measured"
     _say(f"rig   {recording} ({kind}, {1e-9 * (end - begin):.0f} s)   {estimate.cycles} cycles")
-    rows = (
-        ("F", "Hz", "flapping_frequency"),
-        ("AoA", "deg", "angle_of_attack"),
-        ("U", "m/s", "forward_velocity"),
-    )
-    for index, (name, unit, field) in enumerate(rows):
+    for index, (name, unit, field) in enumerate(_ROWS):
         factor = math.degrees(1.0) if unit == "deg" else 1.0
         mean, std = (factor * getattr(estimate, f"{field}_{part}") for part in ("mean", "std"))
         low, high = (factor * float(value) for value in getattr(estimate, f"{field}_std_interval"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+import tracemalloc
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,9 +13,11 @@ import numba
 
 from cwmav_sim import case as cases
 from cwmav_sim.case import Case
+from cwmav_sim.machine import MachineLimits, measure_limits
 from cwmav_sim.solver import Solver
 
 _PASSES = 2  # force evaluations of a predictor-corrector step
+_PAIR_OPERATIONS = 52  # additions and multiplications of a pair, root and division counted once each
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,12 @@ class Figures:
         Neighbours of a particle: the volume of its support over that of a particle.
     threads : int
         Threads in use.
+    shares : dict of float
+        Share of every phase in the time of a step.
+    bytes_per_particle : float
+        Largest size of all arrays during a step, over the particles.
+    limits : MachineLimits
+        What the machine can do.
     """
 
     particles: int
@@ -38,6 +47,9 @@ class Figures:
     seconds: float
     neighbours: float
     threads: int
+    shares: dict[str, float]
+    bytes_per_particle: float
+    limits: MachineLimits
 
     @property
     def particle_steps_per_s(self) -> float:
@@ -48,6 +60,11 @@ class Figures:
     def pair_interactions_per_s(self) -> float:
         """Neighbours visited per second, two passes a step, each pair counted from both sides."""
         return _PASSES * self.neighbours * self.particle_steps_per_s
+
+    @property
+    def pair_gflops(self) -> float:
+        """Arithmetic spent on true neighbours [1e9/s], candidates beyond them not counted."""
+        return 1e-9 * _PAIR_OPERATIONS * self.pair_interactions_per_s
 
     def to_json(self) -> dict[str, Any]:
         """Return the public keys."""
@@ -60,14 +77,25 @@ class Figures:
             "neighbours": self.neighbours,
             "steps": self.steps,
             "wall_s": self.seconds,
+            "phase_shares": self.shares,
+            "bytes_per_particle": self.bytes_per_particle,
+            "pair_gflops": self.pair_gflops,
+            "machine_gflops": self.limits.gflops,
+            "machine_gb_per_s": self.limits.bandwidth,
         }
 
     def lines(self) -> list[str]:
         """Return the figures for a person."""
+        phases = ", ".join(f"{name} {share:.1%}" for name, share in self.shares.items())
+        part = self.pair_gflops / self.limits.gflops
         return [
             f"{self.particles} particles, {self.steps} steps, {self.threads} threads: {self.seconds:.2f} s",
             f"{self.particle_steps_per_s:.4g} particle-steps/s",
             f"{self.pair_interactions_per_s:.4g} pair interactions/s ({self.neighbours:.0f} neighbours)",
+            f"time: {phases}",
+            f"memory: {self.bytes_per_particle:.0f} bytes a particle",
+            f"machine: {self.limits.gflops:.0f} GFLOP/s single precision, {self.limits.bandwidth:.1f} GB/s; "
+            f"the pairs take {self.pair_gflops:.1f} GFLOP/s, {part:.0%} of it",
         ]
 
 
@@ -80,13 +108,36 @@ def measure(particles: int, seconds: float = 10.0) -> Figures:
     solver = Solver(case.flow, case.motion(), case.airspeed)
     for _ in range(3):
         solver.step()
+    before = dict(solver.timers.seconds)
     started, steps = time.perf_counter(), 0
     while steps < 5 or time.perf_counter() - started < seconds:
         solver.step()
         steps += 1
     wall = time.perf_counter() - started
     support = 4.0 / 3.0 * math.pi * (2.0 * case.flow.resolution.h_over_dp) ** 3
-    return Figures(solver.particles, steps, wall, support, numba.get_num_threads())
+    spent = {name: seconds - before.get(name, 0.0) for name, seconds in solver.timers.seconds.items()}
+    return Figures(
+        particles=solver.particles,
+        steps=steps,
+        seconds=wall,
+        neighbours=support,
+        threads=numba.get_num_threads(),
+        shares={name: seconds / wall for name, seconds in spent.items()},
+        bytes_per_particle=_largest_size(case) / solver.particles,
+        limits=measure_limits(),
+    )
+
+
+def _largest_size(case: Case) -> int:
+    """Largest size of all arrays during the first steps of a case [bytes]."""
+    tracemalloc.start()
+    try:
+        solver = Solver(case.flow, case.motion(), case.airspeed)
+        for _ in range(2):
+            solver.step()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def sized_case(particles: int) -> Case:

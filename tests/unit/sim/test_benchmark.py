@@ -3,7 +3,8 @@
 
 import pytest
 
-from cwmav_sim.benchmark import Figures, sized_case
+from cwmav_sim.benchmark import Figures, measure, sized_case
+from cwmav_sim.machine import MachineLimits
 
 
 @pytest.mark.parametrize("particles", [2000, 24_000, 100_000])
@@ -14,8 +15,25 @@ def test_case_has_about_the_particles_asked_for(particles):
 
 
 def test_figures_are_rates():
-    figures = Figures(particles=1000, steps=50, seconds=2.0, neighbours=164.0, threads=2)
+    figures = Figures(
+        particles=1000,
+        steps=50,
+        seconds=2.0,
+        neighbours=164.0,
+        threads=2,
+        shares={"pairs": 0.9, "sort": 0.1},
+        bytes_per_particle=300.0,
+        limits=MachineLimits(gflops=100.0, bandwidth=20.0),
+    )
     content = figures.to_json()
     assert content["particle_steps_per_s"] == 25_000
     assert content["pair_interactions_per_s"] == 2 * 164 * 25_000
     assert (content["threads"], content["device"]) == (2, "cpu")
+    assert "time: pairs 90.0%, sort 10.0%" in figures.lines()
+
+
+def test_measured_figures_account_for_the_time_and_the_memory():
+    figures = measure(2000, seconds=0.2)
+    assert 0.5 < sum(figures.shares.values()) <= 1.0
+    assert 9 * 8 < figures.bytes_per_particle < 20_000  # at least the state itself
+    assert 0.0 < figures.pair_gflops < figures.limits.gflops
