@@ -16,6 +16,7 @@ from cwmav_sim.sph.easing import ease
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.integrate import correct, predict
 from cwmav_sim.sph.interaction import Interaction, Rates
+from cwmav_sim.sph.plain import PlainInteraction
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes, Solid
 from cwmav_sim.sph.state import Particles, lattice
@@ -93,7 +94,9 @@ class Solver:
             low, size, self._h, mirrored=settings.box.symmetric, dimensions=settings.box.dimensions
         )
         self.timers = Timers()
-        self._interaction = Interaction(settings, self._grid, self._eos, motion, self.timers)
+        plain = settings.sheet.treatment == "dbc" and motion is not None
+        interaction = PlainInteraction if plain else Interaction
+        self._interaction = interaction(settings, self._grid, self._eos, motion, self.timers)
         self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0, fluid.viscosity)
         self._sides: Sides | None = None
         self.time = 0.0
@@ -115,10 +118,12 @@ class Solver:
         if self.steps % _REORDER_EVERY == 0:
             self._reorder()
         rates, crossed = self._rates_on_own_side(dt)
+        self._interaction.predict_walls(dt)
         middle = predict(self._air, rates, dt)
         self._confine(middle)
         nodes = self._nodes(self.time + 0.5 * dt)
         middle_rates = self._interaction.rates(middle, nodes, shifting=True)
+        self._interaction.correct_walls(dt)
         with self.timers.phase("update"):
             self._air = correct(self._air, middle, middle_rates, dt)
             ease(self._air.x, middle_rates, self._settings, self._h, self._speed, dt)

@@ -124,11 +124,13 @@ class Interaction:
         if self._quadrature is None or nodes is None:
             with self._timers.phase("pairs"):
                 return self._unbounded(particles, sorting, fluid, column, shifting)
-        with self._timers.phase("walls"):
-            placed = self._quadrature.place(nodes).relative_to(self._gravity)
-            surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
-        with self._timers.phase("pairs"):
-            return self._bounded(particles, sorting, fluid, column, surfaces, shifting)
+        return self._walled(particles, nodes, sorting, fluid, column, shifting)
+
+    def predict_walls(self, dt: float) -> None:
+        """Bring whatever state the walls have to half the step of ``dt`` [s]; two-sided ones have none."""
+
+    def correct_walls(self, dt: float) -> None:
+        """Bring whatever state the walls have over the step."""
 
     def pairs(self, particles: Particles) -> int:
         """Count the ordered pairs within the support, images across the faces of the box left out."""
@@ -172,7 +174,23 @@ class Interaction:
         )
         sides = Sides.empty(0, n, self.dtype)
         acceleration += self._gravity
-        return _rates(acceleration, density_rate, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
+        return as_rates(acceleration, density_rate, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
+
+    def _walled(
+        self,
+        particles: Particles,
+        nodes: Nodes,
+        sorting: Sorting,
+        fluid: NDArray,
+        column: NDArray,
+        shifting: bool,
+    ) -> Rates:
+        assert self._quadrature is not None  # noqa: S101 - for the type checker
+        with self._timers.phase("walls"):
+            placed = self._quadrature.place(nodes).relative_to(self._gravity)
+            surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
+        with self._timers.phase("pairs"):
+            return self._bounded(particles, sorting, fluid, column, surfaces, shifting)
 
     def _bounded(
         self,
@@ -219,7 +237,7 @@ class Interaction:
         )
         acceleration += self._gravity
         own = sides.in_storage_order(self.panels, sorting.order)
-        return _rates(acceleration, density_rate, shift, loads.sum(axis=0), own)
+        return as_rates(acceleration, density_rate, shift, loads.sum(axis=0), own)
 
 
 def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuadrature:
@@ -239,9 +257,10 @@ def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuad
     )
 
 
-def _rates(
+def as_rates(
     acceleration: FloatArray, density_rate: FloatArray, shift: FloatArray, loads: FloatArray, sides: Sides
 ) -> Rates:
+    """Return what a pass filled, with the wall loads, shape (panels, 8), taken apart."""
     return Rates(
         acceleration=acceleration,
         density_rate=density_rate,

@@ -80,6 +80,11 @@ class Shifting:
 class SheetOptions:
     """Numerics of the thin two-sided walls; lengths are over the particle spacing."""
 
+    treatment: str = setting(
+        "two-sided",
+        "two-sided: each face its own air; dbc: plain dynamic boundary of one layer, for comparison",
+        choices=("two-sided", "dbc"),
+    )
     element_spacing: float = setting(1.0 / 3.0, "spacing of the wall quadrature", gt=0.1, le=1)
     set_back: float = setting(0.5, "inward displacement of the free edges", ge=0, le=2)
     keep_out: float = setting(0.4, "distance below which particles are eased away", ge=0, le=1)

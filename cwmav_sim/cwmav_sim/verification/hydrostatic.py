@@ -41,7 +41,7 @@ class HydrostaticColumn:
             lambda x: np.abs(x[:, 2]) > 0.5,
         )
         solver = Solver(flow, walls, 0.0, highest_speed=0.0)
-        solver.set_pressure(-solver.position[:, 2])
+        solver.set_pressure(0.5 - solver.position[:, 2])  # none at the ceiling
         history = History(solver)
         speeds: list[float] = []
         history.until(self.duration, lambda _: speeds.append(float(np.abs(solver.velocity).max())))

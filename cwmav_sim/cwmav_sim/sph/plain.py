@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rates of change of all particles among walls of the plain kind (see ``dynamic``)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cwmav_sim.sph import dynamic, forces
+from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
+from cwmav_sim.sph.eos import Tait
+from cwmav_sim.sph.gather import buffer_room
+from cwmav_sim.sph.interaction import Interaction, Rates, as_rates
+from cwmav_sim.sph.settings import FlowSettings
+from cwmav_sim.sph.sheet import Motion, Nodes
+from cwmav_sim.sph.state import FloatArray, Particles
+from cwmav_sim.sph.surfaces import Sides
+from cwmav_sim.sph.timers import Timers
+
+
+class PlainInteraction(Interaction):
+    """The sums over neighbours and over the wall particles of dynamic walls; parameters as its base."""
+
+    def __init__(
+        self, settings: FlowSettings, grid: Grid, eos: Tait, motion: Motion | None, timers: Timers
+    ) -> None:
+        super().__init__(settings, grid, eos, motion, timers)
+        if motion is None:
+            raise ValueError("walls of particles need walls")
+        self._wall = dynamic.DynamicWall.on(
+            motion, settings.resolution.dp, settings.fluid.density, settings.box.dimensions
+        )
+        self._dimensions = settings.box.dimensions
+        self._middle = False
+        self._wall_rate: FloatArray = np.zeros(len(self._wall.panel))
+
+    def predict_walls(self, dt: float) -> None:
+        """Bring the densities of the wall to half the step of ``dt`` [s]."""
+        self._wall.predict(self._wall_rate, dt)
+        self._middle = True
+
+    def correct_walls(self, dt: float) -> None:
+        """Bring the densities of the wall over the step."""
+        self._wall.correct(self._wall_rate, dt)
+        self._middle = False
+
+    def _walled(
+        self,
+        particles: Particles,
+        nodes: Nodes,
+        sorting: Sorting,
+        fluid: NDArray,
+        column: NDArray,
+        shifting: bool,
+    ) -> Rates:
+        with self._timers.phase("walls"):
+            wall = self._wall.placed(nodes, self._middle, self._dimensions)
+            self._grid.wrap(wall.x)
+            wall_sorting = sort_into_cells(wall.x, self._grid)
+            packed = self._pack(wall, wall_sorting)
+            wall_column = wall_sorting.column.astype(self.dtype)
+        with self._timers.phase("pairs"):
+            n = particles.count
+            acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
+            wall_rate, force = np.empty(wall.count), np.empty((forces.LOAD_SIZE, wall.count))
+            scale = self._scale.copy()
+            scale[forces.MASS] = particles.mass
+            air = (fluid, column, sorting.order, sorting.start)
+            solid = (packed, wall_column, wall_sorting.order, wall_sorting.start)
+            constants = (self._grid.integers, self._grid.cell.astype(self.dtype), self._pair_k, scale)
+            room = buffer_room(sorting.start, self._grid.integers)
+            wall_room = buffer_room(wall_sorting.start, self._grid.integers)
+            dynamic.air_pass(
+                *air,
+                *solid,
+                *constants,
+                shifting,
+                self._keep_diffusion,
+                room,
+                wall_room,
+                acceleration,
+                density_rate,
+                shift,
+            )
+            dynamic.wall_pass(*air, *solid, *constants, room, wall_rate, force)
+        self._wall_rate = wall_rate
+        by_panel = np.zeros((self.panels, forces.LOAD_SIZE))
+        np.add.at(by_panel, self._wall.panel, force.T)
+        acceleration += self._gravity
+        sides = Sides.empty(self.panels, n, self.dtype)
+        return as_rates(acceleration, density_rate, shift, by_panel, sides)
