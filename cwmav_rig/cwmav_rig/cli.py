@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from cwmav_common.cli import app, emit, main_guard, message
-from cwmav_common.errors import InputError
+from cwmav_common.errors import InputError, WorkError
 from cwmav_common.progress import progress
 from cwmav_common.settings import from_mapping, override
 from cwmav_rig.angle.command import register as register_angle
@@ -109,6 +110,31 @@ def plot(
 
 
 @cli.command()
+def record(
+    bench: Annotated[Path, typer.Argument(help="Which instruments are on the bench (YAML).")],
+    out: Annotated[Path, typer.Option(help="An .mcap file, or a name without suffix for a rosbag2 folder.")],
+    seconds: Annotated[float, typer.Option(help="How long; 0 until interrupted.", min=0.0)] = 0.0,
+    as_json: Json = False,
+) -> None:
+    """Record live instruments without ROS: force, oscilloscope, camera, tunnel."""
+    from cwmav_rig.instruments import load_bench
+    from cwmav_rig.record import record_bench
+
+    with progress(10.0 * seconds or math.inf, "recording", "0.1 s") as bar:
+        health, messages = record_bench(load_bench(bench), out, seconds, lambda: bar.update(1))
+    rows = [
+        {"name": h.name, "identity": h.identity, "samples": h.received, "lost": h.lost, "dropped": h.dropped}
+        for h in health
+    ]
+    lines = [f"{r['name']:13s} {r['samples']} samples, {r['lost']} lost   {r['identity']}" for r in rows]
+    result = {"bag": str(out), "instruments": rows, "messages": messages}
+    emit(result, as_json, [f"{out}: {messages} messages", *lines])
+    failed = "; ".join(h.message for h in health if h.state == "error")
+    if failed:
+        raise WorkError(f"{failed}; what came until then is in {out}")
+
+
+@cli.command()
 def campaign(
     out: Annotated[Path, typer.Option(help="Folder for the recordings.")],
     points: Annotated[int, typer.Option(help="Points inside, besides the outer ones.")] = 32,
@@ -147,8 +173,6 @@ def power_command(
     as_json: Json = False,
 ) -> None:
     """Predict the electrical power at a setting from recorded operating points."""
-    import math
-
     from cwmav_rig.power_model import PowerModel
 
     if not model.exists():

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import gammaincinv
 
 from cwmav_rig.autoregression import memory_of
 from cwmav_rig.distributions import Fit, fit_distributions
@@ -27,6 +27,7 @@ from cwmav_rig.distributions import Fit, fit_distributions
 Array = NDArray[np.float64]
 
 COVERAGE = 0.95
+_ROUNDS = 40  # of the search for a bound; its step halves the distance
 LEAST = 8  # cycles below which no interval is given
 
 
@@ -115,9 +116,10 @@ def _spread(values: Array, means: Array, within: Array) -> Spread:
     of_variance = between.variance**2 * (2.0 * between.sum_squares + kurtosis) / m
     of_variance += inside.variance * inside.sum_correlations / m
     dof = float(np.clip(2.0 * variance**2 / max(of_variance, 1e-300), 2.0, 1e9))
-    tail = 0.5 * (1.0 - COVERAGE)
-    low, high = np.sqrt(variance * dof / stats.chi2.ppf([1.0 - tail, tail], dof))
     effective = float(np.clip(variance / of_mean, 1.0, len(values))) if of_mean > 0.0 else float(len(values))
+    # What was added for the removed mean is as uncertain as the memory and goes with the variance.
+    dof = max(dof / (1.0 + 2.0 / effective) ** 2, 1.0)
+    low, high = (float(np.sqrt(variance)) * bound for bound in _bounds(dof, max(0.0, 1.0 - dof / m)))
     return Spread(
         mean=mean,
         std=float(np.sqrt(variance)),
@@ -129,3 +131,21 @@ def _spread(values: Array, means: Array, within: Array) -> Spread:
         degrees_of_freedom=dof,
         fits=fit_distributions(values, min(effective, dof + 1.0)),
     )
+
+
+def _bounds(dof: float, memory: float) -> tuple[float, float]:
+    """Bounds of the true over the found standard deviation.
+
+    The innovations of a record are known far better than its memory, so a larger true variance means a
+    longer memory and fewer degrees of freedom: ``dof (found / true)^memory``, `memory` from 0 for independent
+    values to 1. Each bound is the variance at which the one found would be too unlikely.
+    """
+    tail = 0.5 * (1.0 - COVERAGE)
+    found = []
+    for probability in (1.0 - tail, tail):
+        ratio = 1.0
+        for _ in range(_ROUNDS):
+            freedom = float(np.clip(dof * ratio**-memory, 0.5 * dof, 2.0 * dof))
+            ratio = 0.5 * (ratio + freedom / (2.0 * float(gammaincinv(0.5 * freedom, probability))))
+        found.append(float(np.sqrt(ratio)))
+    return found[0], found[1]
