@@ -52,6 +52,10 @@ class Diagnostics:
         """Ask `health` once a second; it must answer at once."""
         self._parts[part] = health
 
+    def remove(self, part: str) -> None:
+        """Ask a part no more."""
+        self._parts.pop(part, None)
+
     def publish(self) -> None:
         """Publish now, besides the regular times."""
         array = DiagnosticArray()

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node ``/rig``: replays a recording, measures its scatter, and answers for the electrical power."""
+"""The node ``/rig``: replays a recording or runs live instruments, measures the scatter, answers for power.
+
+It has a life cycle: configure opens the recording or identifies the instruments, activate lets them stream,
+deactivate stops them. By default it goes through the first two by itself.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +18,11 @@ from cwmav_msgs.msg import UncertaintyEstimate
 from cwmav_msgs.srv import EstimateUncertainty, EvaluatePower
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
-from cwmav_common.errors import InputError
+from cwmav_common.errors import CwmavError, InputError
 from cwmav_common.mcap_io import open_recording
 from cwmav_common.ros.calls import CallQueue
 from cwmav_common.ros.codecs import nanoseconds, point_array, time_message
@@ -32,6 +37,7 @@ from cwmav_rig.power_model import PowerModel
 from cwmav_rig.replay import Player
 from cwmav_rig.ros import codecs
 from cwmav_rig.ros.follow import CycleFollower
+from cwmav_rig.ros.live import LiveBench, check_bench
 from cwmav_rig.ros.player_services import Pause, Resume, Seek, SetRate
 from cwmav_rig.ros.publish import RigPublisher
 from cwmav_rig.ros.settings import RigSettings
@@ -39,10 +45,15 @@ from cwmav_rig.ros.work import analyse_recording, load_power_model, read_map
 from cwmav_rig.topic_map import TopicMap, resolve
 
 TICK = 0.01  # s, how often the replay looks what is due
+SUCCESS, FAILURE, ERROR = (
+    TransitionCallbackReturn.SUCCESS,
+    TransitionCallbackReturn.FAILURE,
+    TransitionCallbackReturn.ERROR,
+)
 POWER_FIDELITIES = ("", "recorded")
 
 
-class RigNode(Node):
+class RigNode(LifecycleNode):
     """Adapter between ROS and the rig.
 
     Parameters
@@ -68,18 +79,21 @@ class RigNode(Node):
         self._uncertainty = self.create_publisher(UncertaintyEstimate, "~/uncertainty", LATCHED)
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10)
         self._player: Player | None = None
+        self._live: LiveBench | None = None
+        self._state, self._trouble = "unconfigured", ""
         self._cycles = CycleFollower(lambda event: self._calls.post(lambda: self._take_cycle(event)))
         self._loops = 0
         self._opened: tuple[str, str] = ("", "")
         self._power: Job | None = None
         self._power_path: tuple[str, str] = ("", "")
-        self._counts = {"messages replayed": 0, "cycles": 0, "refused": 0, "failed": 0}
+        self._counts = {"messages replayed": 0, "messages live": 0, "cycles": 0, "refused": 0, "failed": 0}
         self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._offer_services()
         self._diagnostics = Diagnostics(self, "cwmav rig")
         self._diagnostics.add("replay", self._health)
-        self._open(settings)
         self._power_job()
+        if settings.autostart and self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
 
     @property
     def settings(self) -> RigSettings:
@@ -92,8 +106,7 @@ class RigNode(Node):
         self._pool.close()
         self._cycles.close()
         self._calls.close()
-        if self._player is not None:
-            self._player.close()
+        self._disconnect()
 
     def _offer_services(self) -> None:
         self.create_service(Pause, "~/pause", self._pause)
@@ -113,6 +126,89 @@ class RigNode(Node):
             self._calls,
         )
 
+    # --- life cycle ----------------------------------------------------------------------------------------
+
+    def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Open the recording, or open and identify the instruments."""
+        self._trouble = ""
+        try:
+            if self.settings.bench:
+                self._open_bench(self.settings.bench)
+            else:
+                self._open(self.settings)
+        except CwmavError as error:
+            return self._refuse("configure", error)
+        self._state = "inactive"
+        return SUCCESS
+
+    def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Let the instruments stream and record, or play."""
+        try:
+            if self._live is not None:
+                self._live.start(self.settings.record_folder)
+                self._timer.reset()
+        except CwmavError as error:
+            return self._refuse("activate", error)
+        self._state = "active"
+        if self._player is not None and not self.settings.start_paused:
+            self._play(self._player)
+        return SUCCESS
+
+    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Stop streaming or playing; what was recorded is complete then."""
+        self._state = "inactive"
+        if self._player is not None:
+            self._player.pause()
+        if self._live is not None:
+            self._live.stop()
+        return ERROR if self._trouble else SUCCESS
+
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Let go of recording and instruments."""
+        self._disconnect()
+        return SUCCESS
+
+    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Let go of everything for good."""
+        self._disconnect()
+        return SUCCESS
+
+    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Let go of everything; the node can be configured again."""
+        self._disconnect()
+        return SUCCESS
+
+    def _refuse(self, transition: str, error: CwmavError) -> TransitionCallbackReturn:
+        self._trouble = str(error)
+        self.get_logger().error(f"{transition}: {error}")
+        return FAILURE
+
+    def _disconnect(self) -> None:
+        self._state, self._opened = "unconfigured", ("", "")
+        if self._player is not None:
+            self._player.close()
+            self._player = None
+        if self._live is not None:
+            for name in self._live.identities:
+                self._diagnostics.remove(name)
+            self._live.close()
+            self._live = None
+
+    def _open_bench(self, path: str) -> None:
+        self._disconnect()
+        live = LiveBench(path)
+        self._live = live
+        for name in live.identities:
+            self._diagnostics.add(name, partial(live.health_of, name))
+        self._cycles.begin(live.topic_map, live.topics, path)
+        self._publisher.use(live.topic_map)
+
+    def _unplugged(self, live: LiveBench) -> None:
+        """Go to the error state of the life cycle, and from there to unconfigured."""
+        self._trouble = live.failed
+        self.get_logger().error(self._trouble)
+        self.trigger_deactivate()
+
     # --- parameters ----------------------------------------------------------------------------------------
 
     def _check(self, settings: RigSettings) -> None:
@@ -120,6 +216,10 @@ class RigNode(Node):
             raise InputError(
                 "publish_clock and use_sim_time exclude each other: the node would wait for itself"
             )
+        if settings.bench and settings.recording:
+            raise InputError("bench and recording are both given; allowed: one of them")
+        if settings.bench:
+            check_bench(settings.bench)
         if settings.recording and (settings.recording, settings.topic_map) != getattr(self, "_opened", None):
             with open_recording(settings.recording) as recording:
                 resolve(recording, read_map(settings.topic_map))
@@ -131,8 +231,10 @@ class RigNode(Node):
     def _on_change(self, settings: RigSettings) -> None:
         self._publisher.wrench_rate = settings.wrench_rate
         self._publisher.tare_seconds = settings.tare_seconds
-        if (settings.recording, settings.topic_map) != self._opened:
+        if self._state != "unconfigured" and (settings.recording, settings.topic_map) != self._opened:
             self._open(settings)
+            if self._state == "active" and self._player is not None and not settings.start_paused:
+                self._play(self._player)
         if self._player is not None:
             self._player.loop = settings.loop
             if settings.rate != self._player.rate:
@@ -145,23 +247,32 @@ class RigNode(Node):
         if self._player is not None:
             self._player.close()
         self._player = None
+        if self._live is not None and not settings.recording:
+            return
         self._opened = (settings.recording, settings.topic_map)
         if not settings.recording:
             return
         recording = open_recording(settings.recording)
         topic_map: TopicMap = resolve(recording, read_map(settings.topic_map))
         clock = self._ros_seconds if self.get_parameter("use_sim_time").value else time.monotonic
-        self._player = Player(recording, rate=settings.rate, loop=settings.loop, clock=clock)
+        self._player = Player(
+            recording,
+            rate=settings.rate,
+            loop=settings.loop,
+            start_offset=settings.start_offset,
+            clock=clock,
+        )
         self._cycles.begin(topic_map, recording.topics, settings.recording)
         self._publisher.use(topic_map)
         self._loops = 0
-        if not settings.start_paused:
-            self._play(self._player)
 
     def _ros_seconds(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _tick(self) -> None:
+        if self._live is not None and self._live.streaming:
+            self._pass_on(self._live)
+            return
         player = self._player
         if player is None or not player.running:
             self._timer.cancel()  # an idle node does not tick; starting the replay resets the timer
@@ -176,6 +287,15 @@ class RigNode(Node):
         self._counts["messages replayed"] += len(messages)
         if self.settings.publish_clock:
             self._clock_publisher.publish(ClockMessage(clock=time_message(player.recorded_time_ns)))
+
+    def _pass_on(self, live: LiveBench) -> None:
+        messages = live.take()
+        for message in messages:
+            self._publisher.publish(message)
+        self._cycles.add(messages)
+        self._counts["messages live"] += len(messages)
+        if live.failed:
+            self._unplugged(live)
 
     def _restart(self) -> None:
         self._publisher.restart()
@@ -196,12 +316,17 @@ class RigNode(Node):
         return response
 
     def _play(self, player: Player) -> None:
+        if self._state != "active":
+            raise InputError(f"the node is {self._state}; activate it first")
         player.start()
         self._timer.reset()
 
     def _resume(self, _: Any, response: Any) -> Any:
         if self._player is not None:
-            self._play(self._player)
+            try:
+                self._play(self._player)
+            except InputError as error:
+                self.get_logger().warning(f"resume: {error}")
         return response
 
     def _seek(self, request: Any, response: Any) -> Any:
@@ -260,6 +385,8 @@ class RigNode(Node):
 
     def _estimate_uncertainty(self, request: EstimateUncertainty.Request) -> Future[Any]:
         recording = request.recording or self.settings.recording
+        if not recording and self._live is not None and self._live.recording is not None:
+            recording = str(self._live.recording)
         if not recording:
             raise InputError("no recording is named and none is loaded; give 'recording'")
         start, duration = request.window_start, request.window_duration
@@ -293,6 +420,13 @@ class RigNode(Node):
             **self._publisher.skipped,
             "worker deaths": self._pool.deaths,
         }
+        if self._trouble:
+            return Health(self._trouble, "error", values)
+        if self._live is not None:
+            where = f", recorded into {self._live.recording}" if self._live.recording is not None else ""
+            return Health(
+                f"{len(self._live.identities)} live instruments, {self._state}{where}", values=values
+            )
         if player is None:
             return Health("no recording", values=values)
         state = "playing" if player.running else "finished" if player.finished else "paused"
