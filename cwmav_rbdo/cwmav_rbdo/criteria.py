@@ -19,6 +19,12 @@ class CriteriaSettings:
         0.02, "CC1: largest relative error at the optimum, two iterations running", gt=0, lt=1
     )
     c2: float = setting(0.03, "CC2: largest relative change of the optimal prediction", gt=0, lt=1)
+    promise: float = setting(
+        0.005,
+        "method default: largest expected improvement anywhere, relative to the optimum, that is none",
+        gt=0,
+        lt=1,
+    )
     extra_confirmations: int = setting(0, "further iterations that must hold before stopping", ge=0, le=10)
 
 
@@ -38,6 +44,16 @@ class Row(Protocol):
     @property
     def feasible(self) -> bool:
         """Whether the requirement holds."""
+        ...
+
+    @property
+    def certain(self) -> bool:
+        """Whether the whole band that the surrogate's error leaves on the reliability agrees with that."""
+        ...
+
+    @property
+    def promise(self) -> float:
+        """Largest expected improvement relative to the prediction; NaN where it was not asked for."""
         ...
 
 
@@ -67,21 +83,24 @@ def mean_square_error(rows: Sequence[Row]) -> float:
     return sum(squares) / len(squares) if squares else math.nan
 
 
-def judge(rows: Sequence[Row], settings: CriteriaSettings) -> Verdict:
+def judge(rows: Sequence[Row], settings: CriteriaSettings, strict: bool = False) -> Verdict:
     """Judge the last iteration.
+
+    `strict` asks, beside the paper's criteria, that the surrogate's own error cannot overturn the reliability
+    and that no better design is to be expected elsewhere.
 
     CC1 asks for the error of this and the previous iteration, so nothing converges before the second. An
     iteration whose optimum could not be evaluated has a NaN response and never satisfies CC1.
     """
-    verdict = _hold(rows, settings)
+    verdict = _hold(rows, settings, strict)
     needed = range(settings.extra_confirmations)
-    confirmed = all(_hold(rows[: len(rows) - 1 - k], settings).converged for k in needed)
+    confirmed = all(_hold(rows[: len(rows) - 1 - k], settings, strict).converged for k in needed)
     return Verdict(
         verdict.error_small, verdict.change_small, verdict.feasible, verdict.converged and confirmed
     )
 
 
-def _hold(rows: Sequence[Row], settings: CriteriaSettings) -> Verdict:
+def _hold(rows: Sequence[Row], settings: CriteriaSettings, strict: bool) -> Verdict:
     if not rows:
         return Verdict(False, False, False, False)
     feasible = rows[-1].feasible
@@ -90,4 +109,5 @@ def _hold(rows: Sequence[Row], settings: CriteriaSettings) -> Verdict:
     now, before = rows[-1], rows[-2]
     cc1 = all(relative_error(row.prediction, row.response) <= settings.c1 for row in (now, before))
     cc2 = relative_change(now.prediction, before.prediction) <= settings.c2
-    return Verdict(cc1, cc2, feasible, cc1 and cc2 and feasible)
+    sure = not strict or (now.certain and not now.promise > settings.promise)
+    return Verdict(cc1, cc2, feasible, cc1 and cc2 and feasible and sure)

@@ -2,26 +2,39 @@
 """Where the next samples go. One function per method; :func:`new_samples` looks the method up.
 
 ``zhang2026`` takes the point of largest Kriging error (Eq. 20) in the whole space and that in the moving
-window (Eq. 11); ``classical`` takes the first alone.
+window (Eq. 11); ``classical`` takes the first alone. A rule of your own is named in the problem file as
+``method: python:package.module:function``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
+from cwmav_rbdo.goals import goal_of
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
-from cwmav_rbdo.optimum import Optimum
+from cwmav_rbdo.noise import ControlScatter
+from cwmav_rbdo.optimum import Optimum, first_order_spread
+from cwmav_rbdo.plugins import resolve
 from cwmav_rbdo.samples import Samples
 from cwmav_rbdo.swarm import PyswarmsSwarm
 from cwmav_rbdo.window import Window
 from cwmav_rbdo.wing_problem import WingProblem
 
 Array = NDArray[np.float64]
+
+FIXED_SIZE = ("zhang2026", "classical")
+"""Methods of the paper: they propose what the paper says and stop by CC1 and CC2."""
+
+
+_APART = 5e-3
+"""Of the ranges: points of one round that are closer tell the same."""
 
 
 @dataclass(frozen=True)
@@ -30,53 +43,84 @@ class State:
 
     surface: LiftToPower | DirectRatio
     problem: WingProblem
+    scatter: ControlScatter
     optimum: Optimum
     window: Window
     samples: Samples
     rng: np.random.Generator
+    count: int
+    """Points that can be evaluated at the same time; a rule may propose more or fewer."""
 
 
-Candidate = tuple[Array, str]
-Rule = Callable[[State], list[Candidate]]
+@dataclass(frozen=True)
+class Candidate:
+    """A proposed sample (d,), why, and the improvement expected there, relative to the optimum."""
+
+    x: Array
+    reason: str
+    promise: float = float("nan")
 
 
-def new_samples(state: State) -> list[Candidate]:
-    """Propose samples with reasons by the rule of ``problem.method``; samples there already are left out."""
+class Rule(Protocol):
+    """Proposes samples."""
+
+    def __call__(self, state: State) -> list[Candidate]:
+        """Give points inside the bounds; those that are samples already are left out afterwards."""
+        ...
+
+
+def new_samples(state: State) -> tuple[list[Candidate], float]:
+    """Propose samples by the rule of ``problem.method``.
+
+    Returns
+    -------
+    candidates : list
+        Without those that are samples already or proposed twice.
+    promise : float
+        Largest expected improvement the rule saw; NaN where it looked for none.
+    """
     problem = state.problem
+    proposed = resolve(problem.method, RULES, "method")(state)
     kept: list[Candidate] = []
-    for x, reason in RULES[problem.method](state):
-        near = [y for y, _ in kept if np.all(np.abs(x - y) <= 1e-4 * (problem.upper - problem.lower))]
+    for candidate in proposed:
+        x = np.clip(candidate.x, problem.lower, problem.upper)
+        near = [c for c in kept if np.all(np.abs(x - c.x) <= _APART * (problem.upper - problem.lower))]
         if not near and not state.samples.hold(x):
-            kept.append((x, reason))
-    return kept
+            kept.append(Candidate(x, candidate.reason, candidate.promise))
+    promises = [c.promise for c in proposed if np.isfinite(c.promise)]
+    return kept, max(promises, default=float("nan"))
 
 
 def zhang2026(state: State) -> list[Candidate]:
     """Largest error in the space and in the window: the paper's accelerated Kriging."""
-    return [_of_space(state), _of_window(state)]
+    window = state.window
+    x, _ = largest_mse(state.surface, state.problem, window.lower, window.upper, state.rng)
+    return [*classical(state), Candidate(x, "largest error in the window")]
 
 
 def classical(state: State) -> list[Candidate]:
     """Largest error in the space: the paper's comparison."""
-    return [_of_space(state)]
+    problem = state.problem
+    x, _ = largest_mse(state.surface, problem, problem.lower, problem.upper, state.rng)
+    return [Candidate(x, "largest error")]
 
 
 def default(state: State) -> list[Candidate]:
-    """Largest expected improvement of L/P in the space, and largest error in the window.
+    """In turn: largest expected improvement in the space, and largest error where the scatter will be.
 
     The point of largest error nearly always lies in a corner of the space, where the ratio is far from its
     best and a sample says nothing about the optimum. Expected improvement looks far away too, but only where
-    the optimum could be (Jones, Schonlau and Welch 1998, J. Global Optim. 13:455).
+    the optimum could be (Jones, Schonlau and Welch 1998, J. Global Optim. 13:455). Near the optimum the error
+    counts by the density of the scatter there, blurred by the window, which says how far the optimum may
+    still move. Every point is chosen as if the ones before had been answered as predicted.
     """
-    best = state.optimum.prediction
-
-    def worse(X: Array) -> Array:
-        return -expected_improvement(*state.surface.predict(X), best)
-
-    problem = state.problem
-    swarm = PyswarmsSwarm(problem.swarm)
-    promising = swarm.minimise(worse, problem.lower, problem.upper, state.rng).x
-    return [(promising, "largest expected improvement"), _of_window(state)]
+    surface = deepcopy(state.surface)
+    found: list[Candidate] = []
+    for k in range(max(state.count, 2)):
+        candidate = _promising(state, surface) if k % 2 == 0 else _under_scatter(state, surface)
+        found.append(candidate)
+        _believe(surface, candidate.x)
+    return found
 
 
 RULES: Mapping[str, Rule] = {"zhang2026": zhang2026, "classical": classical, "default": default}
@@ -91,17 +135,6 @@ def expected_improvement(mean: Array, std: Array, best: float) -> Array:
     return np.where(std > 0.0, value, np.maximum(gain, 0.0))
 
 
-def _of_space(state: State) -> Candidate:
-    problem = state.problem
-    return largest_mse(state.surface, problem, problem.lower, problem.upper, state.rng)[0], "largest error"
-
-
-def _of_window(state: State) -> Candidate:
-    window = state.window
-    x, _ = largest_mse(state.surface, state.problem, window.lower, window.upper, state.rng)
-    return x, "largest error in the window"
-
-
 def largest_mse(
     surface: LiftToPower | DirectRatio,
     problem: WingProblem,
@@ -112,3 +145,44 @@ def largest_mse(
     """Point (d,) of the largest Kriging mean square error (Eq. 20) in a box, and that error."""
     found = PyswarmsSwarm(problem.swarm).minimise(lambda X: -surface.mse(X), lower, upper, rng)
     return found.x, -found.f
+
+
+def _promising(state: State, surface: LiftToPower | DirectRatio) -> Candidate:
+    problem, goal = state.problem, goal_of(state.problem)
+    best = float(goal.predict(surface, state.optimum.x[None])[0][0])
+    held = goal.margin(surface, 0.0)
+    spread = first_order_spread(held, problem.lower, problem.upper, state.scatter)
+
+    def worse(X: Array) -> Array:
+        gain: Array = expected_improvement(*goal.predict(surface, X), best)
+        if goal.constrained and goal.sign < 0.0:  # the requirement is about something else than the objective
+            margin, low = held(X), goal.margin(surface, 0.0, -1.0)(X)
+            needed = float(ndtri(problem.require.reliability)) * spread(X)
+            gain = gain * ndtr((margin - needed) / np.maximum(margin - low, 1e-12))
+        return np.asarray(-gain)
+
+    found = PyswarmsSwarm(problem.swarm).minimise(worse, problem.lower, problem.upper, state.rng)
+    return Candidate(found.x, "largest expected improvement", -found.f / max(abs(best), 1e-12))
+
+
+def _under_scatter(state: State, surface: LiftToPower | DirectRatio) -> Candidate:
+    window, centre = state.window, state.optimum.x
+    std = state.scatter(centre[None])[0]
+    reach = np.sqrt(std**2 + ((window.upper - window.lower) / 6.0) ** 2)
+
+    def weighted(X: Array) -> Array:
+        weight = np.exp(-0.5 * np.sum(((X - centre) / reach) ** 2, axis=1))
+        return np.asarray(-surface.mse(X) * weight)
+
+    found = PyswarmsSwarm(state.problem.swarm).minimise(weighted, window.lower, window.upper, state.rng)
+    return Candidate(found.x, "largest error under the scatter")
+
+
+def _believe(surface: LiftToPower | DirectRatio, x: Array) -> None:
+    """Take the prediction for an answer (Kriging believer)."""
+    X = x[None]
+    if isinstance(surface, DirectRatio):
+        surface.add(X, surface.mean(X), np.ones(1))
+    else:
+        power = np.maximum(surface.power_.predict(X), surface.power_floor_)
+        surface.add(X, surface.lift_.predict(X), power)

@@ -20,19 +20,23 @@ from cwmav_common.errors import WorkError
 from cwmav_rbdo.ask_tell import Algorithm, AskTell, Point, Told
 from cwmav_rbdo.criteria import judge, mean_square_error
 from cwmav_rbdo.evaluation import Answer, Evaluation, Request
-from cwmav_rbdo.infill import State, largest_mse, new_samples
+from cwmav_rbdo.goals import goal_of
+from cwmav_rbdo.infill import FIXED_SIZE, State, largest_mse, new_samples
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.kriging import Kriging
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
-from cwmav_rbdo.noise import Noise
+from cwmav_rbdo.noise import ControlScatter, Noise
 from cwmav_rbdo.optimum import Optimum, reliable_optimum
 from cwmav_rbdo.result import Constraint, IterationRow, Result
 from cwmav_rbdo.samples import Samples
 from cwmav_rbdo.sampling import latin_hypercube
-from cwmav_rbdo.window import Window, moving_window
+from cwmav_rbdo.window import Window, adapted, moving_window
 from cwmav_rbdo.wing_problem import WingProblem
 
 Array = NDArray[np.float64]
+
+_BAND = 1.1
+"""Failures that the low end of the band may have, relative to those allowed."""
 
 
 class AcceleratedLoop:
@@ -54,7 +58,11 @@ class AcceleratedLoop:
     """
 
     def __init__(
-        self, problem: WingProblem, noise: Noise, rng: np.random.Generator, journal: Journal | None = None
+        self,
+        problem: WingProblem,
+        noise: Noise,
+        rng: np.random.Generator,
+        journal: Journal | None = None,
     ) -> None:
         self.problem = problem
         self.noise = noise
@@ -63,7 +71,10 @@ class AcceleratedLoop:
         self.surface: LiftToPower | DirectRatio | None = None
         self.message = ""
         self._rng = rng
-        self._std = np.array([noise.std(name) for name in problem.names])
+        self.goal = goal_of(problem)
+        self.scatter = ControlScatter(noise, problem)
+        self._batch = problem.batch_size or 2
+        self._strict = problem.method not in FIXED_SIZE
         journal = Journal(None, {}, Evaluation) if journal is None else journal
         self._exchange = AskTell(self._algorithm(), journal, problem.control_point)
 
@@ -85,22 +96,26 @@ class AcceleratedLoop:
         lower, upper = problem.lower, problem.upper
         initial = latin_hypercube(problem.initial_samples, lower, upper, self._rng)
         self.samples.add((yield [Point(x, "initial") for x in initial]))
+        width = problem.window
         while True:
             surface = self.surface = self._fit()
-            optimum = reliable_optimum(surface, problem, self._std, self._rng)
+            optimum = reliable_optimum(surface, problem, self.scatter, self._rng)
             _, max_mse = largest_mse(surface, problem, lower, upper, self._rng)
             if not self.samples.hold(optimum.x):
                 self.samples.add((yield [Point(optimum.x, "optimum")]))
                 self.surface = self._fit()
-            window = moving_window(problem.window, lower, upper, optimum.x)
-            self._close_iteration(optimum, max_mse, window)
-            if self.iterations[-1].converged:
+            if self._strict and self.iterations:
+                before = self.iterations[-1]
+                width = adapted(width, optimum.x - before.x, Window(before.window_lower, before.window_upper))
+            window = moving_window(width, lower, upper, optimum.x)
+            state = State(
+                self.surface, problem, self.scatter, optimum, window, self.samples, self._rng, self._batch
+            )
+            points, promise = new_samples(state)
+            self._close_iteration(optimum, max_mse, window, promise)
+            if self.iterations[-1].converged or self._spent(len(points)):
                 return
-            state = State(self.surface, problem, optimum, window, self.samples, self._rng)
-            points = new_samples(state)
-            if self._spent(len(points)):
-                return
-            told = yield [Point(x, reason) for x, reason in points]
+            told = yield [Point(c.x, c.reason) for c in points]
             self.samples.add(told)
             self._require_progress(told)
 
@@ -116,7 +131,7 @@ class AcceleratedLoop:
         model = DirectRatio(kriging) if settings.ratio == "direct" else LiftToPower(kriging, kriging)
         return model.fit(s.X, s.lift, s.power, s.lift_std**2, s.power_std**2)
 
-    def _close_iteration(self, optimum: Optimum, max_mse: float, window: Window) -> None:
+    def _close_iteration(self, optimum: Optimum, max_mse: float, window: Window, promise: float) -> None:
         response = self.samples.response_at(optimum.x)
         row = IterationRow(
             iteration=len(self.iterations),
@@ -130,12 +145,15 @@ class AcceleratedLoop:
             max_mse=max_mse,
             reliability=optimum.reliability,
             feasible=optimum.feasible,
+            value=self.goal.sign * optimum.value,
+            certain=not self.goal.constrained or self._agrees(optimum),
+            promise=promise,
             window_lower=window.lower,
             window_upper=window.upper,
             evaluations=len(self.samples),
         )
         rows = [*self.iterations, row]
-        verdict = judge(rows, self.problem.criteria)
+        verdict = judge(rows, self.problem.criteria, self._strict)
         self.iterations.append(
             replace(
                 row,
@@ -146,7 +164,19 @@ class AcceleratedLoop:
             )
         )
         if verdict.converged:
-            self.message = "CC1, CC2 and the reliability requirement hold"
+            self.message = "CC1, CC2 and the reliability requirement hold" + (
+                ", also at the low end of its band, and no improvement is to be expected"
+                if self._strict
+                else ""
+            )
+
+    def _agrees(self, optimum: Optimum) -> bool:
+        """Whether also the low end of the band holds the requirement, to a tenth of the allowed failures.
+
+        Where the requirement limits the design, the optimum lies on it, and no low end can be above.
+        """
+        allowed = 1.0 - self.problem.require.reliability
+        return 1.0 - optimum.reliability.low <= _BAND * allowed
 
     def _spent(self, proposed: int) -> bool:
         problem = self.problem
@@ -178,19 +208,18 @@ class AcceleratedLoop:
         message = self.message or "not finished"
         if not row.feasible:
             message = (
-                f"no design reaches L/P >= {problem.require.lift_to_power:g} N/W with reliability "
+                f"no design reaches {self.goal.requirement} with reliability "
                 f"{problem.require.reliability:g}; this one comes closest, with {row.reliability.value:.4f}. "
                 + message
             )
-        name = f"L/P >= {problem.require.lift_to_power:g} N/W"
         return Result(
             id=problem.id,
             kind=problem.kind,
             design=problem.named(row.x),
             units=dict(zip(problem.names, problem.units, strict=True)),
-            objective=row.prediction,
-            objective_std=row.prediction_std,
-            constraints=(Constraint(name, row.reliability, problem.require.reliability),),
+            objective=row.value,
+            objective_std=self._objective_std(row),
+            constraints=(Constraint(self.goal.requirement, row.reliability, problem.require.reliability),),
             iterations=row.iteration,
             true_evaluations=len(self.samples),
             converged=row.converged,
@@ -203,10 +232,20 @@ class AcceleratedLoop:
             extra={
                 "fixed": dict(problem.fixed),
                 "noise": self.noise.to_json(),
+                "objective_name": f"{self.goal.name} [{self.goal.unit}]",
+                "lift_to_power": row.prediction,
+                "lift_to_power_std": row.prediction_std,
+                "outside_runs": self.samples.outside(),
                 "response": row.response,
                 "response_std": row.response_std,
             },
         )
+
+    def _objective_std(self, row: IterationRow) -> float:
+        """Error of the objective at the design: of the surrogate the goal looks at."""
+        if self.surface is None or self.goal.name == "L/P":
+            return row.prediction_std
+        return float(self.goal.predict(self.surface, row.x[None])[1][0])
 
     def _decisions(self) -> Iterator[str]:
         problem = self.problem
@@ -218,5 +257,11 @@ class AcceleratedLoop:
         yield "CC2 compares predictions, as the text and the tables do"
         yield "columns mse and max_mse are the Kriging mean square error (Eq. 20); checked_mse of Eq. 10"
         yield "reliability is that of the mean surface; low and high show what its own error leaves open"
+        outside = self.samples.outside()
+        if outside:
+            yield (
+                f"{outside} of {len(self.samples.evaluations)} lifts were asked for outside of the range of "
+                "the runs behind the lift table: they are extrapolations, taken with their uncertainty"
+            )
         for name in problem.fixed:
             yield f"{name} is fixed, so its scatter does not enter"

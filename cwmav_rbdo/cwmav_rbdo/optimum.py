@@ -13,12 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
+from cwmav_rbdo.goals import Function, Goal, goal_of
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.noise import ControlScatter
 from cwmav_rbdo.polish import polish
-from cwmav_rbdo.ratio_margin import RatioMargin
-from cwmav_rbdo.reliability import ConvolvedField, line_root, line_root_estimate
+from cwmav_rbdo.ratio_margin import LiftMargin, RatioMargin
+from cwmav_rbdo.reliability import ConvolvedField, certified, certified_estimate
 from cwmav_rbdo.result import Band
 from cwmav_rbdo.swarm import PyswarmsSwarm
 from cwmav_rbdo.wing_problem import WingProblem
@@ -26,18 +28,21 @@ from cwmav_rbdo.wing_problem import WingProblem
 Array = NDArray[np.float64]
 FailureProbability = Callable[[Array], Array]
 
-_INFEASIBLE = 1e3  # N/W; far above any ratio, so every feasible particle ranks before every infeasible one
+_INFEASIBLE = 1e3  # far above any value, so every feasible particle ranks before every infeasible one
 _K = 1.96  # standard deviations of the band that the surrogate's error leaves
 _NEARBY = (100, 60)  # particles and iterations of the small swarm
 _LARGEST_BETA = 8.0  # reliability indices beyond are rounding
+_DIFFERENCE = 1e-3  # of the ranges, for slopes of the margin
 _FIELD_POINTS = 2_000_000  # grid points of the field beyond which its step grows
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A design with its predicted ratio [N/W] and reliability."""
+    """A design with its value for the goal, its predicted ratio [N/W] and its reliability."""
 
     x: Array
+    value: float
+    """What the goal maximises, at `x`."""
     prediction: float
     prediction_std: float
     reliability: Band
@@ -45,15 +50,18 @@ class Optimum:
 
 
 def reliable_optimum(
-    surface: LiftToPower | DirectRatio, problem: WingProblem, std: Array, rng: np.random.Generator
+    surface: LiftToPower | DirectRatio,
+    problem: WingProblem,
+    scatter: ControlScatter,
+    rng: np.random.Generator,
 ) -> Optimum:
-    """Maximise the predicted L/P over the designs that hold the requirement.
+    """Find the best design for the goal of the problem among those that hold its requirement.
 
     Parameters
     ----------
     surface : fitted surrogate of L/P
-    problem : bounds, requirement, swarm settings
-    std : (d,) scatter of the design variables, in the units of the problem
+    problem : bounds, goal, requirement, swarm settings
+    scatter : of the design variables
     rng : source of randomness
 
     Returns
@@ -61,30 +69,30 @@ def reliable_optimum(
     Optimum
         Where no design holds the requirement: the most reliable one found, with ``feasible`` false.
     """
-    limit_state = RatioMargin(surface, problem.require.lift_to_power)  # Eq. 14
-
-    def exact(X: Array) -> Array:
-        return line_root(limit_state, X, std)[0]
-
+    goal = goal_of(problem)
     lower, upper = problem.lower, problem.upper
     allowed = 1.0 - problem.require.reliability
-    screen = _screen(limit_state, lower, upper, std) or exact
+    limit_state = goal.margin(surface, 0.0)
+
+    def exact(X: Array) -> Array:
+        return certified(limit_state, X, scatter(X))[0] if goal.constrained else np.zeros(len(X))
+
+    quick, value = goal.quick(surface, scatter), goal.value(surface, scatter)
+    screen = _screen(limit_state, lower, upper, scatter) if goal.constrained else exact
     swarm = PyswarmsSwarm(problem.swarm)
-    found = swarm.minimise(_ranking(surface, screen, allowed), lower, upper, rng).x
-    polished = _polished(surface, exact, allowed, problem, found)
+    found = swarm.minimise(_ranking(quick, screen, allowed), lower, upper, rng).x
+    polished = _polished(value, exact, allowed, problem, found)
     if float(exact(polished[None, :])[0]) > allowed:
-        polished = _searched_nearby(surface, exact, allowed, problem, found, std, rng)
+        polished = _searched_nearby(quick, exact, allowed, problem, found, scatter, rng)
     mean, error = surface.predict(polished[None, :])
-    band = reliability_band(surface, polished, std, problem.require.lift_to_power)
-    return Optimum(polished, float(mean[0]), float(error[0]), band, band.value >= problem.require.reliability)
+    best = float(value(polished[None, :])[0])
+    band = reliability_band(surface, goal, polished, best, scatter)
+    feasible = not goal.constrained or band.value >= problem.require.reliability
+    return Optimum(polished, best, float(mean[0]), float(error[0]), band, feasible)
 
 
 def _polished(
-    surface: LiftToPower | DirectRatio,
-    exact: FailureProbability,
-    allowed: float,
-    problem: WingProblem,
-    start: Array,
+    value: Function, exact: FailureProbability, allowed: float, problem: WingProblem, start: Array
 ) -> Array:
     """Gradient polish under the exact constraint, written in reliability indices, which keep a slope."""
     target = -ndtri(allowed)
@@ -92,50 +100,82 @@ def _polished(
     def margin(X: Array) -> Array:
         return np.asarray(np.clip(-ndtri(exact(X)), -_LARGEST_BETA, _LARGEST_BETA) - target)
 
-    return polish(lambda X: -surface.mean(X), problem.lower, problem.upper, start, [margin]).x
+    return polish(lambda X: -value(X), problem.lower, problem.upper, start, [margin]).x
 
 
 def _searched_nearby(
-    surface: LiftToPower | DirectRatio,
+    value: Function,
     exact: FailureProbability,
     allowed: float,
     problem: WingProblem,
     start: Array,
-    std: Array,
+    scatter: ControlScatter,
     rng: np.random.Generator,
 ) -> Array:
     """Small swarm with the exact constraint, where the gradient did not reach the feasible side."""
-    reach = np.maximum(3.0 * std, 0.01 * (problem.upper - problem.lower))
+    reach = np.maximum(3.0 * scatter(start[None])[0], 0.01 * (problem.upper - problem.lower))
     swarm = PyswarmsSwarm(replace(problem.swarm, particles=_NEARBY[0], iterations=_NEARBY[1], patience=15))
     lower, upper = np.maximum(problem.lower, start - reach), np.minimum(problem.upper, start + reach)
-    return swarm.minimise(_ranking(surface, exact, allowed), lower, upper, rng, start=start[None, :]).x
+    return swarm.minimise(_ranking(value, exact, allowed), lower, upper, rng, start=start[None, :]).x
 
 
-def reliability_band(surface: LiftToPower | DirectRatio, x: Array, std: Array, required: float) -> Band:
+def reliability_band(
+    surface: LiftToPower | DirectRatio, goal: Goal, x: Array, value: float, scatter: ControlScatter
+) -> Band:
     """Reliability of one design (Eq. 5) on the mean surface, and on those 1.96 errors below and above."""
-    middle, low, high = (
-        line_root_estimate(RatioMargin(surface, required, k), x, std) for k in (0.0, -_K, _K)
-    )
+    std = scatter(x[None])[0]
+    middle, low, high = (certified_estimate(goal.margin(surface, value, k), x, std) for k in (0.0, -_K, _K))
     return Band(middle.reliability, middle.std, low.reliability, high.reliability, middle.method)
 
 
-def _screen(g: RatioMargin, lower: Array, upper: Array, std: Array) -> FailureProbability | None:
-    """Field of the failure probability; None with more than three variables or without scatter."""
-    if len(std) > 3 or not np.all(std > 0):
-        return None
+def _screen(
+    g: RatioMargin | LiftMargin, lower: Array, upper: Array, scatter: ControlScatter
+) -> FailureProbability:
+    """Failure probability that is cheap enough for a swarm.
+
+    A field over the whole space where the scatter is the same everywhere and has up to three variables; else
+    the first order of the margin and its slope.
+    """
+    std = scatter.constant
+    if std is None or len(std) > 3 or not np.all(std > 0):
+        return _first_order(g, lower, upper, scatter)
     step = 0.7
     while step < 1.2 and np.prod((upper - lower + 9.0 * std) / (step * std)) > _FIELD_POINTS:
         step += 0.1
     return ConvolvedField(g, lower, upper, std, step=min(step, 1.2)).failure_probability
 
 
-def _ranking(
-    surface: LiftToPower | DirectRatio, failure: FailureProbability, allowed: float
-) -> Callable[[Array], Array]:
-    """Value to minimise: -L/P where feasible; elsewhere the failure probability, ties broken by L/P."""
+def first_order_spread(
+    g: RatioMargin | LiftMargin, lower: Array, upper: Array, scatter: ControlScatter
+) -> Function:
+    """Give the standard deviation of a margin under the scatter, to first order, as a function of designs."""
+    steps = np.diag(_DIFFERENCE * (upper - lower))
 
-    def value(X: Array) -> Array:
-        mean, pf = surface.mean(X), failure(X)
-        return np.where(pf <= allowed, -mean, _INFEASIBLE * (1.0 + pf) - mean)
+    def spread(X: Array) -> Array:
+        slopes = [(g(X + h) - g(X - h)) / (2.0 * h.sum()) for h in steps]
+        return np.asarray(np.linalg.norm(scatter(X) * np.stack(slopes, axis=1), axis=1))
 
-    return value
+    return spread
+
+
+def _first_order(
+    g: RatioMargin | LiftMargin, lower: Array, upper: Array, scatter: ControlScatter
+) -> FailureProbability:
+    spread_at = first_order_spread(g, lower, upper, scatter)
+
+    def failure(X: Array) -> Array:
+        margin, spread = g(X), spread_at(X)
+        sure = spread <= 0.0
+        return np.asarray(np.where(sure, margin <= 0.0, ndtr(-margin / np.where(sure, 1.0, spread))))
+
+    return failure
+
+
+def _ranking(value: Function, failure: FailureProbability, allowed: float) -> Function:
+    """Value to minimise: the negative one where feasible, the failure probability elsewhere."""
+
+    def ranked(X: Array) -> Array:
+        best, pf = value(X), failure(X)
+        return np.where(pf <= allowed, -best, _INFEASIBLE * (1.0 + pf) - best)
+
+    return ranked

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The limit state of the wing study on its surrogate: predicted ratio minus the required one (Eq. 14)."""
+"""Limit states of the wing study on its surrogate: ratio (Eq. 14) or lift minus the required one."""
 
 from __future__ import annotations
 
@@ -58,3 +58,36 @@ class RatioMargin:
         margin /= power
         margin -= np.float32(self.required)
         return margin
+
+
+class LiftMargin:
+    """``G(d) = lift(d) - required``: the weight is carried.
+
+    Parameters
+    ----------
+    surrogate : LiftToPower
+        Fitted.
+    required : float
+        Lift in N.
+    shift : float
+        As for :class:`RatioMargin`.
+    """
+
+    def __init__(self, surrogate: LiftToPower, required: float, shift: float = 0.0) -> None:
+        self.surrogate = surrogate
+        self.required = required
+        self.shift = shift
+
+    def __call__(self, X: Array) -> Array:
+        """Margin at X (n, d); (n,), N."""
+        if self.shift == 0.0:
+            return np.asarray(self.surrogate.lift_.predict(X)) - self.required
+        mean, std = self.surrogate.lift_.predict(X, return_std=True)
+        return np.asarray(mean + self.shift * std - self.required)
+
+    def on_grid(self, axes: list[Array]) -> NDArray[np.floating]:
+        """Margin of the mean surface at every node of a tensor grid; a shifted one point by point."""
+        if self.shift != 0.0:
+            mesh = np.meshgrid(*axes, indexing="ij")
+            return self(np.stack([m.ravel() for m in mesh], axis=1)).reshape(mesh[0].shape)
+        return predict_on_grid(self.surrogate.lift_, axes) - np.float32(self.required)

@@ -61,6 +61,12 @@ class IterationRow:
     window_upper: Array
     evaluations: int
     """Points evaluated up to and including the check of this optimum: the column 'solves'."""
+    value: float = math.nan
+    """Objective of the goal; L/P itself for the goal ratio."""
+    certain: bool = True
+    """Whether the band on the reliability agrees with the requirement."""
+    promise: float = math.nan
+    """Largest expected improvement, relative to the prediction; NaN where the method does not ask for it."""
     checked_mse: float = math.nan
     """Mean square error over the optima evaluated so far, each predicted before it was evaluated (Eq. 10)."""
     error_small: bool = False
@@ -90,6 +96,9 @@ class IterationRow:
             "reliability_low": self.reliability.low,
             "reliability_high": self.reliability.high,
             "feasible": self.feasible,
+            "certain": self.certain,
+            "objective": self.prediction if math.isnan(self.value) else self.value,
+            "promise": self.promise,
             "window_lower": self.window_lower.tolist(),
             "window_upper": self.window_upper.tolist(),
             "evaluations": self.evaluations,

@@ -74,6 +74,10 @@ class Samples:
         """Standard uncertainty of the power (n,) [W]."""
         return np.array([e.power_std for e in self._evaluations])
 
+    def outside(self) -> int:
+        """Count the lifts whose source says that they were asked for outside of the runs it knows."""
+        return sum("outside" in e.lift_source for e in self._evaluations)
+
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:
         """All usable evaluations, in the order of :attr:`X`."""

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -72,19 +74,28 @@ def run_study(
             raise InputError("resume needs a run folder")
         noise = scatter.from_json(run_folder.read_config()["noise"])
     noise = noise or scatter.obtain(problem)
-    journal = open_journal(problem, seed, noise, run_folder, resume)
     own = problem_evaluator(problem) if evaluator is None else None
     try:
-        loop = AcceleratedLoop(problem, noise, np.random.default_rng(seed), journal)
-        _drive(loop, evaluator or own, run_folder, on_iteration, cancelled)  # type: ignore[arg-type]
-        result = loop.result(seed)
-        if run_folder is not None:
-            write_artefacts(run_folder, loop, result)
-        return result
+        chosen: Evaluator = evaluator or own  # type: ignore[assignment]
+        if problem.batch_size == 0:
+            problem = replace(problem, batch_size=_batch(chosen, run_folder, resume))
+        with closing(open_journal(problem, seed, noise, run_folder, resume)) as journal:
+            loop = AcceleratedLoop(problem, noise, np.random.default_rng(seed), journal)
+            _drive(loop, chosen, run_folder, on_iteration, cancelled)
+            result = loop.result(seed)
+            if run_folder is not None:
+                write_artefacts(run_folder, loop, result)
+            return result
     finally:
-        journal.close()
         if own is not None:
             own.close()
+
+
+def _batch(evaluator: Evaluator, run_folder: RunFolder | None, resume: bool) -> int:
+    """Points of a round where the problem leaves it open; a resumed run keeps what it began with."""
+    if resume and run_folder is not None:
+        return int(run_folder.read_config()["problem"]["batch_size"])
+    return max(2, evaluator.workers)
 
 
 def open_journal(

@@ -38,8 +38,12 @@ def _summary(result: Result) -> Iterator[str]:
     )
     if result.kind == "lift_to_power":
         band = result.constraints[0].band
+        objective = ""
+        if not result.extra["objective_name"].startswith("L/P ["):
+            objective = f"{result.extra['objective_name']} {result.objective:.4f}   "
         yield (
-            f"optimum   {design}   L/P {result.objective:.4f} +- {result.objective_std:.4f} N/W   "
+            f"optimum   {design}   {objective}"
+            f"L/P {result.extra['lift_to_power']:.4f} +- {result.extra['lift_to_power_std']:.4f} N/W   "
             f"reliability {band.value:.4f} [{band.low:.4f}, {band.high:.4f}]"
         )
     else:
@@ -49,4 +53,7 @@ def _summary(result: Result) -> Iterator[str]:
                 f"          {c.name}: reliability {c.band.value:.6f} +- {c.band.std:.1e} "
                 f"(required {c.target:.6f}) {'met' if c.met else 'NOT met'}"
             )
+    outside = result.extra.get("outside_runs", 0)
+    if outside:
+        yield f"note      {outside} lifts lie outside of the runs of the lift table: extrapolated"
     yield f"status    {result.message}; {result.true_evaluations} points evaluated"

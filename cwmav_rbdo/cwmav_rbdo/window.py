@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,36 @@ class WindowSettings:
     )
 
 
+SMALLEST, LARGEST = 0.05, 0.5
+_GROWTH, _SHRINKAGE = 1.5, 0.7
+_FAR = 0.25  # of the width of the window
+
+
 @dataclass(frozen=True)
 class Window:
     """An axis-parallel part of the design space, in the units of the problem."""
 
     lower: Array
     upper: Array
+
+
+def adapted(settings: WindowSettings, moved: Array, window: Window) -> WindowSettings:
+    """Let the window grow where the optimum still travels, and shrink where it has come to rest.
+
+    Parameters
+    ----------
+    settings : with the present q
+    moved : (d,) way of the optimum since the iteration before
+    window : of the iteration before
+
+    Returns
+    -------
+    WindowSettings
+        With q within 0.05 and 0.5.
+    """
+    far = float(np.max(np.abs(moved) / (window.upper - window.lower))) > _FAR
+    q = settings.q * (_GROWTH if far else _SHRINKAGE)
+    return replace(settings, q=min(max(q, min(SMALLEST, settings.q)), max(LARGEST, settings.q)))
 
 
 def moving_window(settings: WindowSettings, lower: Array, upper: Array, optimum: Array) -> Window:

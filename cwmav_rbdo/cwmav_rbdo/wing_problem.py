@@ -14,6 +14,7 @@ from cwmav_common.errors import InputError
 from cwmav_common.settings import setting
 from cwmav_rbdo.criteria import CriteriaSettings
 from cwmav_rbdo.dispatch import DispatchSettings
+from cwmav_rbdo.expressions import compile_function
 from cwmav_rbdo.swarm import SwarmSettings
 from cwmav_rbdo.window import WindowSettings
 
@@ -26,6 +27,7 @@ CONTROLS: Mapping[str, tuple[str, float]] = {
     "U": ("m/s", 1.0),
 }
 METHODS = ("default", "zhang2026", "classical")
+GOALS = ("ratio", "percentile", "least_power")
 EVALUATORS = ("ros", "local", "table")
 
 
@@ -49,10 +51,11 @@ class DesignVariable:
 
 @dataclass(frozen=True)
 class Requirement:
-    """What the design has to hold (Eqs. 6 and 14)."""
+    """What the design has to hold (Eqs. 6 and 14); which of the first two, the goal says."""
 
-    lift_to_power: float = setting(..., "required lift-to-power ratio R1", unit="N/W", gt=0)
+    lift_to_power: float | None = setting(None, "required lift-to-power ratio R1", unit="N/W", gt=0)
     reliability: float = setting(0.9974, "required probability R0 of holding it", gt=0, lt=1)
+    lift: float | None = setting(None, "required lift, the weight in level flight", unit="N", gt=0)
 
 
 @dataclass(frozen=True)
@@ -95,11 +98,24 @@ class WingProblem:
     kind: str = setting("lift_to_power", "kind of problem", choices=("lift_to_power",))
     title: str = setting("", "one line about it")
     fixed: dict[str, float] = setting({}, "control variables held constant")  # noqa: RUF009
-    noise: dict[str, float] | None = setting(None, "standard deviations; None: measured on the rig")  # noqa: RUF009
+    goal: str = setting(
+        "ratio",
+        "ratio: largest L/P that meets the requirement; percentile: largest L/P held with the reliability; "
+        "least_power: least power whose lift meets the requirement",
+        choices=GOALS,
+    )
+    noise: dict[str, float | str] | None = setting(  # noqa: RUF009
+        None, "standard deviations, numbers or formulas of F, AoA, U; None: measured on the rig"
+    )
     initial_samples: int = setting(6, "size of the first Latin hypercube", ge=3, le=10000)
     max_iterations: int = setting(20, "iterations after the initial one at most", ge=1, le=1000)
     max_true_evaluations: int = setting(100, "evaluated points at most", ge=4, le=100000)
-    method: str = setting("default", "infill rule", choices=METHODS)
+    method: str = setting(
+        "default", f"infill rule: {', '.join(METHODS)}, or python:package.module:function of your own"
+    )
+    batch_size: int = setting(
+        0, "new samples of a round of the method default; 0: as many as workers, at least two", ge=0, le=1000
+    )
     evaluate: str = setting("ros", "who evaluates points", choices=EVALUATORS)
     window: WindowSettings = field(default_factory=WindowSettings)
     criteria: CriteriaSettings = field(default_factory=CriteriaSettings)
@@ -111,6 +127,7 @@ class WingProblem:
     def __post_init__(self) -> None:
         _check_controls(self)
         _check_noise(self)
+        _check_goal(self)
         if self.max_true_evaluations <= self.initial_samples:
             raise InputError(
                 f"max_true_evaluations {self.max_true_evaluations} leaves nothing after initial_samples "
@@ -163,14 +180,37 @@ def _check_controls(problem: WingProblem) -> None:
             raise InputError(f"{name} is {where}; it must be in exactly one of them")
 
 
+def _check_goal(problem: WingProblem) -> None:
+    """Check that the goal finds the requirement it is about, and the method's name."""
+    if problem.method not in METHODS and not problem.method.startswith("python:"):
+        raise InputError(
+            f"method is '{problem.method}'; allowed: {', '.join(METHODS)}, or python:package.module:function"
+        )
+    if problem.goal == "ratio" and problem.require.lift_to_power is None:
+        raise InputError("require.lift_to_power is missing; goal ratio needs it, in N/W")
+    if problem.goal == "least_power":
+        if problem.require.lift is None:
+            raise InputError("require.lift is missing; goal least_power needs it, in N")
+        if problem.surrogate.ratio == "direct":
+            raise InputError("surrogate.ratio is 'direct'; goal least_power needs 'propagated'")
+    if problem.goal == "percentile" and problem.require.reliability <= 0.5:
+        raise InputError(
+            f"require.reliability is {problem.require.reliability:g}; goal percentile needs more than 0.5"
+        )
+
+
 def _check_noise(problem: WingProblem) -> None:
     if problem.noise is None:
         return
     for name, std in problem.noise.items():
         if name not in CONTROLS:
             raise InputError(f"noise: '{name}' is no control variable; allowed: {', '.join(CONTROLS)}")
-        if not (math.isfinite(std) and std >= 0):
-            raise InputError(f"noise: {name} is {std!r}; allowed: a standard deviation >= 0")
+        if isinstance(std, str):
+            compile_function(std, CONTROLS, f"noise: {name}")
+        elif not (math.isfinite(std) and std >= 0):
+            raise InputError(
+                f"noise: {name} is {std!r}; allowed: a standard deviation >= 0 or a formula of F, AoA, U"
+            )
     missing = [name for name in CONTROLS if name not in problem.noise]
     if missing:
         raise InputError(

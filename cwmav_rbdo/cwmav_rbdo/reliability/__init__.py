@@ -2,7 +2,9 @@
 """Probability of failure of a design whose variables scatter: one method a file, one kind of result."""
 
 from cwmav_rbdo.reliability.active_learning import LearningSettings, active_learning
+from cwmav_rbdo.reliability.certified import certified, certified_estimate
 from cwmav_rbdo.reliability.convolved_field import ConvolvedField, GridLimitState
+from cwmav_rbdo.reliability.directional import directional, directional_estimate
 from cwmav_rbdo.reliability.estimate import Band, Estimate
 from cwmav_rbdo.reliability.form import form
 from cwmav_rbdo.reliability.importance_sampling import importance_sampling
@@ -23,6 +25,10 @@ __all__ = [
     "LearningSettings",
     "LimitState",
     "active_learning",
+    "certified",
+    "certified_estimate",
+    "directional",
+    "directional_estimate",
     "form",
     "importance_sampling",
     "line_root",

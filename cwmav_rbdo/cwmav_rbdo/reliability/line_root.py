@@ -41,8 +41,9 @@ def line_root(g: LimitState, designs: ArrayLike, std: ArrayLike, order: int = 9)
         Physical points (n, d) -> (n,), failed where <= 0.
     designs : (m, d) array
         Variables that scatter must be at most four; the rest is passed through.
-    std : (d,) array
-        Standard deviations, zero for a variable that does not scatter.
+    std : (d,) array, or (m, d)
+        Standard deviations, zero for a variable that does not scatter; one row per design where they vary
+        over the space.
     order : int
         Gauss-Hermite nodes per axis across the line.
 
@@ -59,25 +60,14 @@ def line_root(g: LimitState, designs: ArrayLike, std: ArrayLike, order: int = 9)
     InputError
         On more than four scattering variables, a wrong order or wrong shapes.
     """
-    X = np.atleast_2d(np.asarray(designs, dtype=np.float64))
-    spread = np.asarray(std, dtype=np.float64)
-    if spread.shape != X.shape[1:] or not np.all(np.isfinite(spread) & (spread >= 0.0)):
-        raise InputError(f"std: {spread}, expected {X.shape[1]} finite numbers >= 0")
-    active = np.flatnonzero(spread > 0.0)
-    if len(active) > LARGEST_DIMENSION:
-        raise InputError(
-            f"line_root: {len(active)} scattering variables, at most {LARGEST_DIMENSION}; "
-            "importance_sampling takes any number"
-        )
+    X, shifts = checked_designs(designs, std, LARGEST_DIMENSION, "line_root")
     if order < 3:
         raise InputError(f"order = {order}: allowed is an integer >= 3")
-    if len(active) == 0:
+    if shifts.shape[1] == 0:
         return (np.asarray(g(X)) <= 0.0).astype(np.float64), np.zeros(len(X)), len(X)
-    shifts = np.zeros((len(active), X.shape[1]))
-    shifts[np.arange(len(active)), active] = spread[active]
     axes, used = _turned_axes(g, X, shifts)
     pf, used_fine = _quadrature(g, X, axes, shifts, order)
-    if len(active) == 1:
+    if shifts.shape[1] == 1:
         return pf, np.zeros(len(X)), used + used_fine
     coarse, used_coarse = _quadrature(g, X, axes, shifts, (order + 1) // 2)
     return pf, np.abs(pf - coarse), used + used_fine + used_coarse
@@ -91,10 +81,40 @@ def line_root_estimate(g: LimitState, design: ArrayLike, std: ArrayLike, order: 
     return Estimate(float(pf[0]), float(error[0]), evaluations, "line_root")
 
 
+def checked_designs(designs: ArrayLike, std: ArrayLike, largest: int, method: str) -> tuple[Array, Array]:
+    """Check designs and scatter.
+
+    Returns
+    -------
+    X : (m, d) array
+    shifts : (m, k, d) array
+        Step of one standard deviation in each of the k variables that scatter.
+
+    Raises
+    ------
+    InputError
+        On wrong shapes, or more than `largest` scattering variables.
+    """
+    X = np.atleast_2d(np.asarray(designs, dtype=np.float64))
+    spread = np.asarray(std, dtype=np.float64)
+    if spread.shape not in (X.shape[1:], X.shape) or not np.all(np.isfinite(spread) & (spread >= 0.0)):
+        raise InputError(f"std: {spread}, expected {X.shape[1]} finite numbers >= 0, or a row a design")
+    spread = np.broadcast_to(spread, X.shape)
+    active = np.flatnonzero(np.any(spread > 0.0, axis=0))
+    if len(active) > largest:
+        raise InputError(
+            f"{method}: {len(active)} scattering variables, at most {largest}; "
+            "importance_sampling takes any number"
+        )
+    shifts = np.zeros((len(X), len(active), X.shape[1]))
+    shifts[:, np.arange(len(active)), active] = spread[:, active]
+    return X, shifts
+
+
 def _turned_axes(g: LimitState, X: Array, shifts: Array) -> tuple[Array, int]:
     """Orthonormal axes (m, k, k) of each design, the first along the falling gradient of the limit state."""
-    m, k = len(X), len(shifts)
-    steps = GRADIENT_STEP * np.vstack([shifts, -shifts])
+    m, k = shifts.shape[:2]
+    steps = GRADIENT_STEP * np.concatenate([shifts, -shifts], axis=1)
     values = np.asarray(g((X[:, None, :] + steps).reshape(m * 2 * k, -1))).reshape(m, 2, k)
     downhill = values[:, 1] - values[:, 0]
     size = np.linalg.norm(downhill, axis=1, keepdims=True)
@@ -109,7 +129,7 @@ def _turned_axes(g: LimitState, X: Array, shifts: Array) -> tuple[Array, int]:
 
 def _quadrature(g: LimitState, X: Array, axes: Array, shifts: Array, order: int) -> tuple[Array, int]:
     """Weighted sum over the lines; axes (m, k, k), rows are unit vectors."""
-    m, k = len(X), len(shifts)
+    m, k = shifts.shape[:2]
     nodes, weights = np.polynomial.hermite_e.hermegauss(order)
     weights = weights / weights.sum()
     grid = np.array(list(product(nodes, repeat=k - 1))).reshape(order ** (k - 1), k - 1)
@@ -128,26 +148,37 @@ def _quadrature(g: LimitState, X: Array, axes: Array, shifts: Array, order: int)
     return pf.reshape(m, -1) @ across, evaluations
 
 
-def failed_on_lines(on_lines: Line, count: int) -> tuple[Array, int]:
-    """Integrate the standard normal density over the failed part of each line, all sign changes counted.
+def failed_on_lines(
+    on_lines: Line, count: int, t: Array | None = None, beyond: Callable[[Array], Array] = lambda t: ndtr(-t)
+) -> tuple[Array, int]:
+    """Integrate a density over the failed part of each line, all sign changes counted.
+
+    Parameters
+    ----------
+    on_lines : limit state on the lines
+    count : number of lines
+    t : (p,) array, optional
+        Positions at which a line is looked at first; by default 25 from -6 to 6.
+    beyond : callable
+        Probability of a position beyond the given one, by default of the standard normal density.
 
     Returns
     -------
     failed : (count,) array
     evaluations : int
     """
-    t = np.linspace(-REACH, REACH, LINE_POINTS)
-    rows = np.repeat(np.arange(count), LINE_POINTS)
-    values = on_lines(rows, np.tile(t, count)).reshape(count, LINE_POINTS)
+    t = np.linspace(-REACH, REACH, LINE_POINTS) if t is None else t
+    rows = np.repeat(np.arange(count), len(t))
+    values = on_lines(rows, np.tile(t, count)).reshape(count, len(t))
     failed = values <= 0.0
     row, left = np.nonzero(failed[:, :-1] != failed[:, 1:])
     root = _refined(on_lines, row, t[left], t[left + 1], values[row, left], values[row, left + 1])
-    # Each crossing adds or removes what lies beyond it; failure at the far left counts from minus infinity.
+    # Each crossing adds or removes what lies beyond it; failure at the first position counts from before it.
     pf = failed[:, 0] * 1.0
     into_failure = np.where(failed[row, left + 1], 1.0, -1.0)
-    np.add.at(pf, row, into_failure * ndtr(-root))
+    np.add.at(pf, row, into_failure * beyond(root))
     # A line failed from the start has pf = 1 there, and its first crossing takes the right part away.
-    return np.clip(pf, 0.0, 1.0), count * LINE_POINTS + REFINEMENTS * len(row)
+    return np.clip(pf, 0.0, 1.0), count * len(t) + REFINEMENTS * len(row)
 
 
 def _refined(

@@ -66,7 +66,8 @@ def convergence(loop: AcceleratedLoop) -> str:
     ratio.errorbar(
         n, [r.response for r in rows], [r.response_std for r in rows], fmt="s", capsize=3, label="evaluated"
     )
-    ratio.axhline(loop.problem.require.lift_to_power, color="0.5", ls=":", label="required")
+    if loop.problem.require.lift_to_power is not None:
+        ratio.axhline(loop.problem.require.lift_to_power, color="0.5", ls=":", label="required")
     ratio.set_ylabel("L/P at the optimum [N/W]")
     ratio.legend()
     error.plot(n, [100.0 * r.error for r in rows], "o-")
@@ -117,8 +118,9 @@ def _pair(loop: AcceleratedLoop, surface: LiftToPower | DirectRatio, i: int, j: 
     figure.colorbar(filled, ax=axes[0], label="predicted L/P [N/W]")
     filled = axes[1].contourf(u, v, np.log10(np.maximum(std**2, 1e-12)), levels=15, cmap="magma")
     figure.colorbar(filled, ax=axes[1], label="log10 of the Kriging MSE [(N/W)²]")
-    if mean.min() < problem.require.lift_to_power < mean.max():
-        axes[0].contour(u, v, mean, levels=[problem.require.lift_to_power], colors="w", linestyles="--")
+    required = problem.require.lift_to_power
+    if required is not None and mean.min() < required < mean.max():
+        axes[0].contour(u, v, mean, levels=[required], colors="w", linestyles="--")
     for a in axes:
         _mark(a, loop, i, j)
     return figure

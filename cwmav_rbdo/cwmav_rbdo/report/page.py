@@ -35,7 +35,7 @@ def content(loop: AcceleratedLoop, result: Result) -> dict[str, Any]:
         "design": ", ".join(
             f"{name} = {value:.4f} {result.units[name]}" for name, value in result.design.items()
         ),
-        "objective": f"{result.objective:.4f} ± {result.objective_std:.4f} N/W",
+        "objective": f"{result.objective:.4f} ± {result.objective_std:.4f}, {result.extra['objective_name']}",
         "reliability": _band(loop.iterations[-1]),
         "columns": [f"{name} [{unit}]" for name, unit in zip(problem.names, problem.units, strict=True)],
         "rows": [_row(row) for row in loop.iterations],

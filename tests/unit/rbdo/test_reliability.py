@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.stats import lognorm, norm, uniform
+from scipy.stats import chi2, lognorm, norm, uniform
 
 from cwmav_common.errors import InputError, WorkError
 from cwmav_rbdo.reliability import (
@@ -14,6 +14,8 @@ from cwmav_rbdo.reliability import (
     Copula,
     Estimate,
     GaussianNoise,
+    certified,
+    directional,
     form,
     importance_sampling,
     line_root,
@@ -329,3 +331,39 @@ def test_line_sampling_refuses_what_is_no_direction():
     for arguments, message in (({"direction": [0.0, 0.0]}, "not all zero"), ({"lines": 1}, "lines = 1")):
         with pytest.raises(InputError, match=message):
             line_sampling(lambda X: X[:, 0], inputs, np.random.default_rng(0), **arguments)
+
+
+def bowl(X):
+    """Failed outside of the ellipse of 3 and 4 about (1, 2)."""
+    return 1.0 - ((X[:, 0] - 1.0) / 3.0) ** 2 - ((X[:, 1] - 2.0) / 4.0) ** 2
+
+
+def test_directional_quadrature_where_failure_lies_all_around():
+    circle = np.array([[1.0, 2.0]])
+    pf, error, _ = directional(bowl, circle, [3.0 / 3.5, 4.0 / 3.5])  # a circle of 3.5 standard deviations
+    assert pf[0] == pytest.approx(math.exp(-(3.5**2) / 2), rel=1e-6)
+    sphere, _, _ = directional(lambda X: 9.0 - np.sum(X**2, axis=1), np.zeros((1, 3)), np.ones(3))
+    assert sphere[0] == pytest.approx(chi2.sf(9.0, 3), rel=1e-6)
+    assert error[0] < 1e-6
+
+
+def test_directional_quadrature_of_a_plane_one_variable_and_no_scatter():
+    pf, error, _ = directional(plane, np.zeros((1, 2)), [1.0, 1.0])
+    assert pf[0] == pytest.approx(norm.sf(3.0), rel=1e-3)
+    assert error[0] < 1e-5
+    one, _, _ = directional(lambda X: 2.0 - X[:, 0], np.zeros((1, 2)), [1.0, 0.0])
+    assert one[0] == pytest.approx(norm.sf(2.0), rel=1e-6)
+    none, _, _ = directional(bowl, np.array([[1.0, 2.0], [9.0, 9.0]]), [0.0, 0.0])
+    assert none.tolist() == [0.0, 1.0]
+
+
+def test_certified_reliability_is_that_of_the_better_quadrature():
+    designs = np.array([[1.0, 2.0], [3.5, 2.0]])
+    pf, error = certified(bowl, designs, [0.8, 1.1])
+    rng = np.random.default_rng(0)
+    for design, value, reported in zip(designs, pf, error, strict=True):
+        crude = monte_carlo(bowl, GaussianNoise(design, [0.8, 1.1]), rng, 2_000_000)
+        assert abs(value - crude.value) < 4.0 * crude.std + reported
+        assert reported < 1e-4
+    with pytest.raises(InputError, match="directional: 4 scattering variables, at most 3"):
+        directional(lambda X: X[:, 0], np.zeros((1, 4)), np.ones(4))
