@@ -54,8 +54,8 @@ class ClapAndFling:
 
     reynolds: int
     cells: int = 20
-    length: float = 14.0
-    height: float = 9.0
+    length: float = 12.0
+    height: float = 8.0
     slow: bool = True
 
     @property
@@ -125,7 +125,7 @@ def _lifts(case: ClapAndFling, wings: int) -> tuple[float, float, float, Check]:
         case.height,
         upstream=0.5 * case.length if not one_sided else 0.35 * case.length,
         viscosity=1.0 / case.reynolds,
-        sound_speed=20.0,
+        sound_speed=15.0,
         fringe=Fringe(width=1.0, rate=3.0, around=True),
         precision="single",
     )

@@ -123,8 +123,8 @@ class OscillatingCylinder:
     cells: int = 20
     keulegan_carpenter: float = 5.0
     reynolds: float = 100.0
-    periods: int = 3
-    side: float = 12.0
+    periods: int = 2
+    side: float = 10.0
 
     def run(self) -> list[Check]:
         """Run the case and compare."""

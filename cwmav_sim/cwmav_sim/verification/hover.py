@@ -32,7 +32,7 @@ class HoveringEllipse:
     slow: bool = True
     cells: int = 20
     cycles: int = 3
-    side: float = 9.0
+    side: float = 8.0
     reynolds: float = 75.0
     amplitude: float = 2.8
     thickness: float = 0.1
@@ -77,7 +77,7 @@ class HoveringEllipse:
             self.side,
             upstream=0.5 * self.side,
             viscosity=1.0 / self.reynolds,
-            sound_speed=20.0,
+            sound_speed=15.0,
             fringe=Fringe(width=1.0, rate=2.0, around=True),
             set_back=0.0,
             precision="single",

@@ -41,7 +41,7 @@ class LowAspectRatioPlate:
 
     angle_deg: int
     cells: int = 10
-    duration: float = 10.0
+    duration: float = 8.0
     slow: bool = True
 
     @property
@@ -60,7 +60,7 @@ class LowAspectRatioPlate:
         flow = FlowSettings(
             fluid=Fluid(density=1.0, viscosity=0.01, sound_speed=12.0, mach_limit=0.5),
             resolution=Resolution(dp=dp, cfl=0.4, jitter=0.1),
-            box=Box(length=8.0, width=6.0, height=5.0, upstream=2.5, symmetric=True),
+            box=Box(length=7.5, width=5.0, height=4.0, upstream=2.5, symmetric=True),
             fringe=Fringe(width=1.5, rate=4.0),
         )
         plate = FixedPlate(1.0, 2.0, dp / 2.0, math.radians(self.angle_deg), half=True)
