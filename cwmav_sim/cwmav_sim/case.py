@@ -227,7 +227,13 @@ def _paper() -> Case:
     # The fluid depth h_d is not stated; a box of half a metre holds the 2.1 million particles of the paper.
     sound = paper_sound_speed(0.5)
     fluid = Fluid(
-        density=1.34, viscosity=1.48e-5, sound_speed=sound, mach_limit=0.5, gamma=7.0, diffusion=0.1
+        density=1.34,
+        viscosity=1.48e-5,
+        sound_speed=sound,
+        mach_limit=0.5,
+        gamma=7.0,
+        diffusion=0.1,
+        diffusion_near_wall="skip",
     )
     box = Box(length=0.512, width=0.512, height=0.512, upstream=0.15, symmetric=False)
     flow = _flow(0.004, fluid=fluid, box=box, shifting=Shifting(coefficient=0.0))

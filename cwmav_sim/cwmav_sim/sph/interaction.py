@@ -23,6 +23,8 @@ from cwmav_sim.sph.pair import FLUID_ROWS, pair_constants
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes, SheetQuadrature
 from cwmav_sim.sph.state import Particles
+from cwmav_sim.sph.subgrid import add_subgrid_stress
+from cwmav_sim.sph.subgrid import constants as subgrid_constants
 from cwmav_sim.sph.surfaces import Sides, Surfaces, locate_surfaces
 from cwmav_sim.sph.timers import Timers
 from cwmav_sim.sph.visibility import CHUNKS
@@ -107,6 +109,11 @@ class Interaction:
             fluid.diffusion if self._keep_diffusion else 0.0,
             self.dtype,
         )
+        self._subgrid_k = None
+        if fluid.turbulence == "sps":
+            self._subgrid_k = subgrid_constants(
+                self.kernel.h, self.kernel.slope, dp, fluid.density, settings.box.dimensions
+            )
         # Fourtakas et al. (2019): 2 delta h c0.
         diffusion = 2.0 * fluid.diffusion * self.kernel.h * eos.sound_speed
         self._scale = np.array([self.kernel.slope, 4.0 * fluid.viscosity, diffusion, fluid.density, 0.0])
@@ -151,6 +158,35 @@ class Interaction:
         fluid[8] = particles.mass / rho
         return fluid
 
+    def _add_subgrid_stress(
+        self,
+        acceleration: FloatArray,
+        particles: Particles,
+        sorting: Sorting,
+        fluid: NDArray,
+        column: NDArray,
+        sides: Sides,
+        near: NDArray[np.bool_] | None = None,
+    ) -> None:
+        if self._subgrid_k is None:
+            return
+        add_subgrid_stress(
+            acceleration,
+            fluid,
+            column,
+            sorting.order,
+            sorting.start,
+            self._grid.integers,
+            self._grid.cell.astype(self.dtype),
+            particles.mass,
+            self._subgrid_k,
+            sides.signed,
+            sides.inside,
+            np.zeros(self._grid.cells, np.bool_) if near is None else near,
+            self.panels,
+            buffer_room(sorting.start, self._grid.integers),
+        )
+
     def _unbounded(
         self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray, shifting: bool
     ) -> Rates:
@@ -173,6 +209,7 @@ class Interaction:
             shift,
         )
         sides = Sides.empty(0, n, self.dtype)
+        self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
         acceleration += self._gravity
         return as_rates(acceleration, density_rate, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
 
@@ -235,6 +272,7 @@ class Interaction:
             shift,
             loads,
         )
+        self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides, surfaces.near)
         acceleration += self._gravity
         own = sides.in_storage_order(self.panels, sorting.order)
         return as_rates(acceleration, density_rate, shift, loads.sum(axis=0), own)

@@ -86,6 +86,7 @@ class PlainInteraction(Interaction):
         self._wall_rate = wall_rate
         by_panel = np.zeros((self.panels, forces.LOAD_SIZE))
         np.add.at(by_panel, self._wall.panel, force.T)
-        acceleration += self._gravity
         sides = Sides.empty(self.panels, n, self.dtype)
+        self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
+        acceleration += self._gravity
         return as_rates(acceleration, density_rate, shift, by_panel, sides)

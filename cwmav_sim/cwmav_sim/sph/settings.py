@@ -22,6 +22,11 @@ class Fluid:
     gamma: float = setting(7.0, "exponent of the Tait equation of state", ge=1)
     background_pressure: float = setting(0.0, "pressure added everywhere against voids", unit="Pa", ge=0)
     diffusion: float = setting(0.1, "density diffusion coefficient (Fourtakas)", ge=0, le=1)
+    turbulence: str = setting(
+        "none",
+        "none: laminar viscosity alone; sps: with the stress of eddies below the spacing",
+        choices=("none", "sps"),
+    )
     gravity: float = setting(
         0.0, "acceleration along -z; needs walls above and below, or along the stream a loss", unit="m/s2"
     )
