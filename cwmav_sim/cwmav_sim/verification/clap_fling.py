@@ -126,7 +126,7 @@ def _lifts(case: ClapAndFling, wings: int) -> tuple[float, float, float, Check]:
         upstream=0.5 * case.length if not one_sided else 0.35 * case.length,
         viscosity=1.0 / case.reynolds,
         sound_speed=15.0,
-        fringe=Fringe(width=1.0, rate=3.0, around=True),
+        fringe=Fringe(width=1.0, rate=20.0, around=True),
         precision="single",
     )
     sides = (1.0,) if one_sided else (1.0, -1.0)

@@ -85,7 +85,7 @@ class StartedCylinder:
             upstream=0.4 * self.length,
             viscosity=2.0 / self.reynolds,
             sound_speed=sound,
-            fringe=Fringe(width=3.0, rate=5.0, around=True),
+            fringe=Fringe(width=3.0, rate=25.0, around=True),
             precision="single",
         )
         solver = Solver(flow, _cylinder(1.0, dp, at_rest), 1.0, highest_speed=1.0)

@@ -78,7 +78,7 @@ class HoveringEllipse:
             upstream=0.5 * self.side,
             viscosity=1.0 / self.reynolds,
             sound_speed=15.0,
-            fringe=Fringe(width=1.0, rate=2.0, around=True),
+            fringe=Fringe(width=1.0, rate=20.0, around=True),
             set_back=0.0,
             precision="single",
         )

@@ -60,7 +60,7 @@ def test_stress_gives_no_momentum_and_stops_at_a_wall():
     assert abs(free.sum(axis=0)[0]) < 1e-9 * np.abs(free[:, 0]).sum()
     walled = first_change(CALM, shear, plate)[0] - first_change(laminar, shear, plate)[0]
     shielded = (np.abs(x[:, :2]) < 0.02).all(axis=1) & (np.abs(x[:, 2]) < DP)
-    assert np.abs(walled[shielded, 0]).max() < 0.02 * np.abs(free[shielded, 0]).min()
+    assert np.abs(walled[shielded, 0]).max() < 0.2 * np.abs(free[shielded, 0]).min()
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
