@@ -9,22 +9,27 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import yaml
 
 from cwmav_common.errors import InputError
 from cwmav_common.settings import from_mapping, override, read_yaml, setting, to_mapping
-from cwmav_sim.fingerprint import solver_fingerprint
+from cwmav_sim.coupling import CoupledWings, Coupling
+from cwmav_sim.fingerprint import coupled_fingerprint, solver_fingerprint
 from cwmav_sim.kinematics import Kinematics
 from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Resolution, Shifting
+from cwmav_sim.sph.sheet import expected_speed
+from cwmav_sim.wing.build import flexible_wings
+from cwmav_sim.wing.flexible import Flexibility, plan
 from cwmav_sim.wing.geometry import WingPlanform
 from cwmav_sim.wing.prescribed import Attitude, ClappingWings
 from cwmav_sim.wing.sheet import FloatArray
 
 GRAVITY = 9.81
 _PHASES = 24
+_LIGHT = 0.35  # film mass over that of a layer of particles, from which on the longest step stays stable
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,12 @@ class Run:
         0.02, "allowed change between the last two cycle means, over the mean force", gt=0, le=0.5
     )
     flapping: bool = setting(True, "False holds the wings still in the middle of their stroke")
+
+
+class _Placing(TypedDict):
+    spacing: float
+    half: bool
+    moving: bool
 
 
 @dataclass(frozen=True)
@@ -55,6 +66,8 @@ class Case:
     airspeed: float = setting(3.5, "forward velocity U", unit="m/s", ge=0, le=6)
     kinematics: Kinematics = field(default_factory=Kinematics)
     wing: WingPlanform = field(default_factory=WingPlanform)
+    structure: Flexibility = field(default_factory=Flexibility)
+    coupling: Coupling = field(default_factory=Coupling)
     flow: FlowSettings = field(default_factory=FlowSettings)
     run: Run = field(default_factory=Run)
 
@@ -62,6 +75,7 @@ class Case:
         _check_cycles(self.run)
         _check_clap_gap(self)
         _check_box(self)
+        _check_light_wings(self)
 
     @property
     def angle_of_attack(self) -> float:
@@ -88,27 +102,55 @@ class Case:
         }
         return from_mapping(Case, values, "operating point")
 
-    def motion(self) -> ClappingWings:
-        """Return the wings of this case in motion."""
-        attitude = Attitude(self.flapping_frequency, self.angle_of_attack, self.airspeed)
-        return ClappingWings(
-            self.wing,
-            self.kinematics,
-            attitude,
-            spacing=self.flow.resolution.dp / self.wing.nodes_per_spacing,
-            half=self.flow.box.symmetric,
-            moving=self.run.flapping,
-        )
+    @property
+    def flexible(self) -> bool:
+        """Whether the air moves the wings."""
+        return self.wing.model != "prescribed"
+
+    @property
+    def solver(self) -> str:
+        """Fingerprint of the solver that would run this case."""
+        return coupled_fingerprint() if self.flexible else solver_fingerprint()
+
+    def motion(self) -> ClappingWings | CoupledWings:
+        """Return the wings of this case at the start of their motion."""
+        if not self.flexible:
+            return self.prescribed()
+        layout = plan(self.structure, self.wing, self.kinematics, self._attitude, **self._placing)
+        return CoupledWings(flexible_wings(layout), self.coupling, 1.0 / self.flapping_frequency)
+
+    def prescribed(self) -> ClappingWings:
+        """Return wings that follow the prescribed law, whatever the model of this case."""
+        return ClappingWings(self.wing, self.kinematics, self._attitude, **self._placing)
+
+    def highest_speed(self) -> float:
+        """Return the highest speed of stream and prescribed wings [m/s], which sets the speed of sound."""
+        return expected_speed(self.prescribed(), self.airspeed)
+
+    @property
+    def _attitude(self) -> Attitude:
+        return Attitude(self.flapping_frequency, self.angle_of_attack, self.airspeed)
+
+    @property
+    def _placing(self) -> _Placing:
+        return {
+            "spacing": self.flow.resolution.dp / self.wing.nodes_per_spacing,
+            "half": self.flow.box.symmetric,
+            "moving": self.run.flapping,
+        }
 
     def address(self, solver: str | None = None) -> str:
         """Return the content address: a hash of all settings and of the solver that would run them.
 
-        The preset's name is left out, since it changes nothing that is not in the settings. ``solver`` is the
-        fingerprint of another solver; by default it is that of this one.
+        The preset's name is left out, since it changes nothing that is not in the settings, and so are the
+        settings of a structure that prescribed wings do not have. ``solver`` is the fingerprint of another
+        solver; by default it is that of this one.
         """
         content = to_mapping(self)
         del content["preset"]
-        text = json.dumps([solver or solver_fingerprint(), content], sort_keys=True, separators=(",", ":"))
+        if not self.flexible:
+            del content["structure"], content["coupling"], content["wing"]["model"]
+        text = json.dumps([solver or self.solver, content], sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
@@ -175,7 +217,7 @@ def clap_gap(case: Case) -> float:
 
 def swept_extent(case: Case) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest coordinates the wings reach in a cycle [m], shape (3,) each."""
-    motion = case.motion()
+    motion = case.prescribed()
     period = 1.0 / case.flapping_frequency
     start = case.kinematics.ramp_cycles * period
     states = [motion.state(start + k * period / _PHASES).x for k in range(_PHASES)]
@@ -217,6 +259,21 @@ def _check_box(case: Case) -> None:
                 f"flow.box: the wings reach {name} = {low[axis]:.3f} .. {high[axis]:.3f} m; allowed (two "
                 f"spacings clear of faces and fringe): {limits_low[axis]:.3f} .. {limits_high[axis]:.3f} m"
             )
+
+
+def _check_light_wings(case: Case) -> None:
+    """Refuse steps with which a film, so much lighter than a layer of particles, would be thrown away."""
+    if not case.flexible:
+        return
+    film, resolution = case.structure.film, case.flow.resolution
+    film_mass = film.density * film.thickness
+    share = film_mass / (case.flow.fluid.density * resolution.dp)
+    limit = 0.4 * min(1.0, share / _LIGHT)
+    if resolution.cfl > limit:
+        raise InputError(
+            f"flow.resolution.cfl is {resolution.cfl:g} with a film of {1e3 * film_mass:.3g} g/m2, "
+            f"{share:.2f} of the air in one particle spacing; allowed: at most {limit:.3f}"
+        )
 
 
 def _flow(dp: float, **changes: Any) -> FlowSettings:

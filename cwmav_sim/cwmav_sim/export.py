@@ -16,6 +16,7 @@ from cwmav_common.errors import WorkError
 from cwmav_sim.case import Case, dump_case
 from cwmav_sim.gauges import History
 from cwmav_sim.result import LiftResult
+from cwmav_sim.sph.sheet import Nodes
 from cwmav_sim.wing.sheet import FloatArray, SheetMotion
 
 
@@ -42,6 +43,11 @@ class ParticleView(Protocol):
     @property
     def pressure(self) -> FloatArray:
         """Pressures [Pa], shape (n,)."""
+        ...
+
+    @property
+    def sheet(self) -> Nodes | None:
+        """Nodes of the wings at this instant."""
         ...
 
 
@@ -104,7 +110,8 @@ class Snapshots:
             return
         number = len(self._times)
         self._times.append(view.time)
-        wing_mesh(self._motion, view.time).write(self._path("wings", number))
+        if view.sheet is not None:
+            wing_mesh(self._motion, view.sheet).write(self._path("wings", number))
         particle_mesh(view).write(self._path("particles", number))
         for name in ("wings", "particles"):
             self._write_index(name)
@@ -122,13 +129,12 @@ class Snapshots:
         (self._folder / f"{name}.pvd").write_text("\n".join(text), encoding="utf-8")
 
 
-def wing_mesh(motion: SheetMotion, time: float) -> Any:
-    """Return the wings at one instant as a mesh with panel numbers and velocities."""
-    state = motion.state(time)
+def wing_mesh(motion: SheetMotion, nodes: Nodes) -> Any:
+    """Return the wings at one instant as a mesh with panel numbers, velocities and accelerations."""
     return meshio.Mesh(
-        state.x,
+        nodes.x,
         [("triangle", motion.triangles)],
-        point_data={"velocity": state.v, "acceleration": state.a},
+        point_data={"velocity": nodes.v, "acceleration": nodes.a},
         cell_data={"panel": [motion.panel]},
     )
 

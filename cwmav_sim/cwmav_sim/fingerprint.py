@@ -12,7 +12,7 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-# Every module that a run with prescribed wings executes; a new kind of wing adds its own here.
+# Every module that a run with prescribed wings executes.
 _NUMERICS = (
     "sph",
     "wing/sheet.py",
@@ -25,23 +25,37 @@ _NUMERICS = (
 )
 
 
+# What a run with flexible wings executes besides.
+_FLEXIBLE = (*_NUMERICS, "wing", "coupling.py")
+
+
 @cache
 def solver_fingerprint() -> str:
-    """Return twelve hexadecimal digits that change when the numerics change."""
+    """Return twelve hexadecimal digits that change when the numerics of prescribed wings change."""
+    return _fingerprint(_NUMERICS)
+
+
+@cache
+def coupled_fingerprint() -> str:
+    """Return twelve hexadecimal digits that change when the numerics of flexible wings change."""
+    return _fingerprint(_FLEXIBLE)
+
+
+def _fingerprint(names: tuple[str, ...]) -> str:
     root = Path(__file__).parent
     digest = hashlib.sha256()
-    for path in _sources(root):
+    for path in _sources(root, names):
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(significant_source(path.read_text(encoding="utf-8")).encode())
     return digest.hexdigest()[:12]
 
 
-def _sources(root: Path) -> list[Path]:
+def _sources(root: Path, names: tuple[str, ...]) -> list[Path]:
     found: list[Path] = []
-    for name in _NUMERICS:
+    for name in names:
         path = root / name
         found += sorted(path.rglob("*.py")) if path.is_dir() else [path] if path.exists() else []
-    return found
+    return list(dict.fromkeys(found))
 
 
 def significant_source(text: str) -> str:

@@ -80,7 +80,9 @@ def take_slice(case: Case, motion: SheetMotion, view: ParticleView) -> FlowSlice
     grid = np.stack(np.meshgrid(x, [y], z, indexing="ij"), axis=-1).reshape(-1, 3)
     velocity = _interpolate(grid, view, 2.5 * dp).reshape(len(x), len(z), 3)
     shear = np.gradient(velocity[:, :, 0], z, axis=1) - np.gradient(velocity[:, :, 2], x, axis=0)
-    return FlowSlice(x, z, shear.T, wing_cut(motion, view.time, float(y)), view.time, float(y))
+    nodes = view.sheet
+    cut = np.zeros((0, 2, 2)) if nodes is None else wing_cut(nodes.x[motion.triangles], float(y))
+    return FlowSlice(x, z, shear.T, cut, view.time, float(y))
 
 
 def _interpolate(points: FloatArray, view: ParticleView, radius: float) -> FloatArray:
@@ -94,9 +96,8 @@ def _interpolate(points: FloatArray, view: ParticleView, radius: float) -> Float
     return mean
 
 
-def wing_cut(motion: SheetMotion, time: float, y: float) -> FloatArray:
-    """Return the lines where the wings cut a plane of constant y, shape (k, 2, 2) as (x, z) [m]."""
-    corners = motion.state(time).x[motion.triangles]
+def wing_cut(corners: FloatArray, y: float) -> FloatArray:
+    """Return the lines where triangles (m, 3, 3) cut a plane of constant y, shape (k, 2, 2) as (x, z) [m]."""
     lines = []
     for triangle in corners:
         ends = []

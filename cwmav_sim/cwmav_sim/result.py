@@ -32,11 +32,11 @@ class Provenance:
     date: str
 
     @classmethod
-    def here(cls) -> Provenance:
-        """Describe this program on this machine now (UTC)."""
+    def here(cls, solver: str | None = None) -> Provenance:
+        """Describe this program on this machine now (UTC), by default with the solver of prescribed wings."""
         return cls(
             version=cwmav_sim.__version__,
-            solver=solver_fingerprint(),
+            solver=solver or solver_fingerprint(),
             python=platform.python_version(),
             numpy=np.__version__,
             numba=numba.__version__,

@@ -104,7 +104,7 @@ def simulate(
     for line in header(case):
         logger.info(line)
     motion = case.motion()
-    solver = Solver(case.flow, motion, case.airspeed)
+    solver = Solver(case.flow, motion, case.airspeed, highest_speed=case.highest_speed())
     recorder = Recorder(len(motion.panel_names), case.copies)
     watch = _Watch(case, on_progress, cancelled)
     for cycle in range(1, case.run.cycles_max + 1):
@@ -243,6 +243,6 @@ def _result(case: Case, solver: Solver, recorder: Recorder, wall: float, device:
         preset=case.preset,
         address=case.address(),
         half_model=case.flow.box.symmetric,
-        provenance=Provenance.here(),
+        provenance=Provenance.here(case.solver),
         history=history,
     )

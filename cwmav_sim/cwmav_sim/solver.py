@@ -18,7 +18,7 @@ from cwmav_sim.sph.integrate import correct, predict
 from cwmav_sim.sph.interaction import Interaction, Rates
 from cwmav_sim.sph.plain import PlainInteraction
 from cwmav_sim.sph.settings import FlowSettings
-from cwmav_sim.sph.sheet import Motion, Nodes, Solid
+from cwmav_sim.sph.sheet import Compliant, Motion, Nodes, Solid, expected_speed
 from cwmav_sim.sph.state import Particles, lattice
 from cwmav_sim.sph.stream import relax
 from cwmav_sim.sph.surfaces import Sides
@@ -43,6 +43,8 @@ class StepInfo:
         Forces of the air on every panel [N], wind frame.
     power : ndarray, shape (panels,)
         Power every panel gives to the air [W].
+    moment : ndarray, shape (panels, 3)
+        Moments of the air on every panel about the origin [N m].
     crossings : int
         Particles the safety net put back in this step.
     """
@@ -52,6 +54,7 @@ class StepInfo:
     pressure: FloatArray
     viscous: FloatArray
     power: FloatArray
+    moment: FloatArray
     crossings: int
 
 
@@ -80,10 +83,11 @@ class Solver:
         highest_speed: float | None = None,
     ) -> None:
         self._settings, self._motion = settings, motion
+        self._wings: Compliant | None = motion if isinstance(motion, Compliant) else None
         self._stream = np.array([airspeed, 0.0, 0.0])
         resolution, fluid = settings.resolution, settings.fluid
         self._h = resolution.h_over_dp * resolution.dp
-        self._speed = highest_speed if highest_speed is not None else _expected_speed(motion, airspeed)
+        self._speed = highest_speed if highest_speed is not None else expected_speed(motion, airspeed)
         self.sound_speed = fluid.effective_sound_speed(self._speed)
         self._eos = Tait(fluid.density, self.sound_speed, fluid.gamma, fluid.background_pressure)
         self._air, low, size = lattice(settings.box, resolution, fluid.density, self._stream)
@@ -118,11 +122,14 @@ class Solver:
         if self.steps % _REORDER_EVERY == 0:
             self._reorder()
         rates, crossed = self._rates_on_own_side(dt)
+        self._foresee(rates, dt)
         self._interaction.predict_walls(dt)
         middle = predict(self._air, rates, dt)
         self._confine(middle)
         nodes = self._nodes(self.time + 0.5 * dt)
-        middle_rates = self._interaction.rates(middle, nodes, shifting=True)
+        middle_rates = self._interaction.rates(
+            middle, nodes, shifting=True, reactions=self._wings is not None
+        )
         self._interaction.correct_walls(dt)
         with self.timers.phase("update"):
             self._air = correct(self._air, middle, middle_rates, dt)
@@ -131,6 +138,10 @@ class Solver:
             self._confine(self._air)
             self._sides = rates.sides
             self._dt = self._next_step(rates, middle_rates, nodes)
+        if self._wings is not None and nodes is not None:
+            with self.timers.phase("structure"):
+                load = self._interaction.sheet_load(middle_rates, nodes, crossed, dt)
+                self._wings.accept(self.time + dt, load)
         self.time += dt
         self.steps += 1
         self.crossings += int(crossed.count.sum())
@@ -138,21 +149,38 @@ class Solver:
         self.wall_impulse += dt * (pressure + middle_rates.viscous).sum(axis=0)
         self.gravity_impulse[2] -= dt * self._settings.fluid.gravity * self._air.mass * self.particles
         return StepInfo(
-            self.time, dt, pressure, middle_rates.viscous, middle_rates.power, int(crossed.count.sum())
+            self.time,
+            dt,
+            pressure,
+            middle_rates.viscous,
+            middle_rates.power,
+            middle_rates.moment,
+            int(crossed.count.sum()),
         )
 
     def _rates_on_own_side(self, dt: float) -> tuple[Rates, Crossings]:
         """Rates at the begin of a step, after putting back whatever slipped through a wall."""
         panels = self._interaction.panels
-        rates = self._interaction.rates(self._air, self._nodes(self.time), shifting=False)
+        rates = self._begin_rates()
         if self._sides is None or panels == 0:
-            return rates, Crossings(np.zeros(panels, np.int64), np.zeros((panels, 3)))
+            return rates, Crossings.none(panels)
         dp = self._settings.resolution.dp
         crossed = put_back(self._air, self._sides, rates.sides, panels, dp, dt)
         if crossed.count.any():
             self._confine(self._air)
-            rates = self._interaction.rates(self._air, self._nodes(self.time), shifting=False)
+            rates = self._begin_rates()
         return rates, crossed
+
+    def _begin_rates(self) -> Rates:
+        nodes, wanted = self._nodes(self.time), self._wings is not None
+        return self._interaction.rates(self._air, nodes, shifting=False, reactions=wanted)
+
+    def _foresee(self, rates: Rates, dt: float) -> None:
+        """Let compliant walls foresee their motion in this step from the load at its begin."""
+        nodes = self._nodes(self.time)
+        if self._wings is not None and nodes is not None:
+            with self.timers.phase("structure"):
+                self._wings.foresee(self.time + dt, self._interaction.sheet_load(rates, nodes))
 
     def _nodes(self, t: float) -> Nodes | None:
         return None if self._motion is None else self._motion.state(t)
@@ -232,6 +260,11 @@ class Solver:
         """Give the particles the densities that belong to pressures [Pa] without background, shape (n,)."""
         self._air.rho[:] = self._eos.density_at(pressure)
 
+    @property
+    def sheet(self) -> Nodes | None:
+        """Nodes of the walls at the time reached; None without walls."""
+        return self._nodes(self.time)
+
     def momentum(self) -> FloatArray:
         """Momentum of the air [kg m/s], shape (3,)."""
         return self._air.momentum()
@@ -243,12 +276,3 @@ class Solver:
 
 def _largest(vectors: FloatArray) -> float:
     return math.sqrt(float(np.max(np.einsum("ij,ij->i", vectors, vectors))))
-
-
-def _expected_speed(motion: Motion | None, airspeed: float) -> float:
-    """Highest speed of the stream and of the walls [m/s], walls sampled over a period of their motion."""
-    if motion is None:
-        return abs(airspeed)
-    period = float(getattr(motion, "period", 1.0))
-    walls = max(_largest(motion.state(t).v) for t in np.linspace(0.0, 2.0 * period, 193))
-    return math.hypot(walls, airspeed)

@@ -17,7 +17,6 @@ from cwmav_common.cli import to_json
 from cwmav_common.errors import InputError, WorkError
 from cwmav_common.settings import to_mapping
 from cwmav_sim.case import Case, from_dict
-from cwmav_sim.fingerprint import solver_fingerprint
 from cwmav_sim.result import LiftResult
 
 
@@ -80,17 +79,17 @@ class ResultStore:
             When a file is damaged, was made by another solver, or does not hold the case its name says; such
             rows must not slip into a table unseen.
         """
-        solver = solver or solver_fingerprint()
         found = [self._checked(path, solver) for path in sorted(self.path.rglob("*.json"))]
         return sorted(found, key=lambda r: (r.flapping_frequency, r.angle_of_attack_deg, r.airspeed))
 
-    def _checked(self, path: Path, solver: str) -> LiftResult:
+    def _checked(self, path: Path, solver: str | None) -> LiftResult:
         content = _read(path)
         result = LiftResult.from_json(content.get("result", {}), str(path))
-        made_by = result.provenance.solver
-        if made_by != solver:
-            raise InputError(f"{path}: made by solver {made_by}; allowed: {solver}")
-        address = from_dict(content.get("case", {}), str(path)).address(solver)
+        case = from_dict(content.get("case", {}), str(path))
+        made_by, wanted = result.provenance.solver, solver or case.solver
+        if made_by != wanted:
+            raise InputError(f"{path}: made by solver {made_by}; allowed: {wanted}")
+        address = case.address(wanted)
         if not address == result.address == path.stem:
             raise InputError(f"{path}: holds the result of case {result.address}, its settings are {address}")
         return result

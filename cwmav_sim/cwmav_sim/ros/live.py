@@ -89,9 +89,10 @@ class Viewer:
         if now < self._next:
             return
         self._next = now + 1.0 / self._view.rate
-        motion = self._motion
-        nodes = motion.state(solver.time).x.astype(np.float32)
-        self._channel.report(Surface(nodes, motion.triangles, motion.panel, motion.panel_names))
+        motion, nodes = self._motion, solver.sheet
+        if nodes is not None:
+            x = nodes.x.astype(np.float32)
+            self._channel.report(Surface(x, motion.triangles, motion.panel, motion.panel_names))
         if self._view.particle_share > 0:
             step = max(1, round(1.0 / self._view.particle_share))
             parts = (solver.position, solver.velocity, solver.pressure)

@@ -36,20 +36,32 @@ class Crossings:
         Particles put back.
     impulse : ndarray, shape (panels, 3)
         Impulse on the panels [N s].
+    panel : ndarray, shape (k,)
+        Panel of every event.
+    x, kick : ndarray, shape (k, 3)
+        Place [m] and impulse on the panel [N s] of every event.
     """
 
     count: IntArray
     impulse: FloatArray
+    panel: IntArray
+    x: FloatArray
+    kick: FloatArray
+
+    @classmethod
+    def none(cls, panels: int) -> Crossings:
+        """Return the record of a step in which nothing crossed."""
+        empty = np.zeros((0, 3))
+        return cls(np.zeros(panels, np.int64), np.zeros((panels, 3)), np.zeros(0, np.int64), empty, empty)
 
 
 def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: float, dt: float) -> Crossings:
     """Put particles that crossed a wall within the last step of ``dt`` [s] back, in place."""
     count = np.zeros(panels, np.int64)
-    impulse = np.zeros((panels, 3))
+    crossed = np.zeros((panels, particles.count), np.bool_)
     _put_back(
         particles.x,
         particles.v,
-        particles.mass,
         before.signed,
         before.inside,
         now.signed,
@@ -59,16 +71,22 @@ def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: f
         _JUMP * dp,
         dt,
         count,
-        impulse,
+        crossed,
     )
-    return Crossings(count, impulse)
+    if not count.any():
+        return Crossings.none(panels)
+    panel, number = np.nonzero(crossed)
+    speed = (now.signed[panel, number] - before.signed[panel, number]).astype(np.float64) / dt
+    kick = particles.mass * speed[:, None] * now.normal[panel, :, number].astype(np.float64)
+    impulse = np.zeros((panels, 3))
+    np.add.at(impulse, panel, kick)
+    return Crossings(count, impulse, panel, particles.x[number], kick)
 
 
 @nb.njit(cache=True, error_model="numpy")
 def _put_back(
     x: FloatArray,
     v: FloatArray,
-    mass: float,
     signed_before: NDArray,
     inside_before: NDArray,
     signed: NDArray,
@@ -78,7 +96,7 @@ def _put_back(
     jump: float,
     dt: float,
     count: IntArray,
-    impulse: FloatArray,
+    crossed: NDArray[np.bool_],
 ) -> None:
     for c in range(count.shape[0]):
         for i in range(x.shape[0]):
@@ -89,9 +107,8 @@ def _put_back(
                 continue
             side = 1.0 if s0 > 0.0 else -1.0
             count[c] += 1
+            crossed[c, i] = True
             for q in range(3):
                 n = normal[c, q, i]
                 x[i, q] += (side * back - s1) * n
-                change = -(s1 - s0) / dt * n
-                v[i, q] += change
-                impulse[c, q] -= mass * change
+                v[i, q] -= (s1 - s0) / dt * n

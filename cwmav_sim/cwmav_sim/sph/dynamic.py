@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
+import scipy.sparse as sp
 
 from cwmav_common.errors import InputError
 from cwmav_sim.sph.forces import (
@@ -79,6 +80,12 @@ class DynamicWall:
         panel, corners, barycentric = (np.concatenate(q) for q in zip(*parts, strict=True))
         density = np.full(len(panel), rest)
         return cls(panel, density, density.copy(), corners, barycentric, rest, rest * dp**dimensions)
+
+    def weights(self, nodes: int) -> sp.csr_matrix:
+        """Return the share of each of ``nodes`` nodes in the position of every wall particle."""
+        row = np.repeat(np.arange(len(self.panel)), 3)
+        shape = (len(self.panel), nodes)
+        return sp.csr_matrix((self._barycentric.ravel(), (row, self._corners.ravel())), shape=shape)
 
     def placed(self, nodes: Nodes, middle: bool, dimensions: int) -> Particles:
         """Return the wall particles for a state of the sheet, with their densities there."""

@@ -11,7 +11,20 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from cwmav_sim.sph.gather import ANY_IMAGE, FAR, MOST_RUNS, SLABS, fill, stretch, stretches, window
+from cwmav_sim.sph.gather import (
+    ANY_IMAGE,
+    FAR,
+    FIRST,
+    LAST,
+    MOST_RUNS,
+    REACH,
+    SLABS,
+    fill,
+    slab_runs,
+    stretch,
+    stretches,
+    window,
+)
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
 from cwmav_sim.sph.visibility import CHUNKS, gather_sides, hide, ranges
 from cwmav_sim.sph.wall import AREA, ELEMENT_ROWS, ELEMENT_SCALARS, ELEMENT_VECTORS, sum_wall
@@ -21,8 +34,9 @@ FLUID_VECTORS, FLUID_SCALARS = 2, 3
 # Places in the array of scale factors.
 SLOPE, FOUR_NU, DIFFUSION, RHO0, MASS = range(5)
 
-# Places in a wall load: pressure force, viscous force, power of the two on the moving wall.
-LOAD_SIZE = 8
+# Places in a wall load: pressure force, viscous force, power of the two on the moving wall, moment.
+LOAD_SIZE = 11
+REACTION_SIZE = 4  # force on an element, and the mass of air it carries along
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -44,8 +58,8 @@ def _store(sums, scale, density, keep_diffusion, place, acceleration, density_ra
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _add_wall(sums, scale, density, place, acceleration, density_rate, shift, load):
-    """Add the wall sums of a particle to its rates and take the opposite force to the wall."""
+def _add_wall(sums, scale, density, at, place, acceleration, density_rate, shift, load):
+    """Add the wall sums of a particle to its rates and take the opposite force, at its place, to the wall."""
     for q in range(3):
         acceleration[place, q] += sums[q] + sums[3 + q]
         shift[place, q] += sums[7 + q]
@@ -53,7 +67,29 @@ def _add_wall(sums, scale, density, place, acceleration, density_rate, shift, lo
         load[3 + q] -= scale[MASS] * sums[3 + q]
     load[6] -= scale[MASS] * sums[10]
     load[7] -= scale[MASS] * sums[11]
+    x, y, z = at
+    fx, fy, fz = load[0] + load[3], load[1] + load[4], load[2] + load[5]
+    load[8] += y * fz - z * fy
+    load[9] += z * fx - x * fz
+    load[10] += x * fy - y * fx
     density_rate[place] += (scale[RHO0] + density) * sums[6]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def return_reactions(buf, begin, start, integers, place, image, mass, runs, out):
+    """Add the buffered reactions of a stretch to their elements; those on images are mirrored back."""
+    cx, cy, z0, z1, centre = place
+    for slab in range(z1 - z0 + 2 * REACH):
+        m = begin[slab]
+        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
+        for run in range(count):
+            first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
+            for j in range(length):
+                out[0, first + j] += mass * buf[0, m + j]
+                out[1, first + j] += image * mass * buf[1, m + j]
+                out[2, first + j] += mass * buf[2, m + j]
+                out[3, first + j] += mass * buf[3, m + j]
+            m += length
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -147,10 +183,12 @@ def walled_pass(
     element_signed,
     element_inside,
     wall_k,
+    corner,
     acceleration,
     density_rate,
     shift,
     loads,
+    reactions,
 ):
     """Rates of change of particles among thin walls, and the forces on the walls.
 
@@ -168,8 +206,12 @@ def walled_pass(
         Distances of the elements from the other walls.
     wall_k : ndarray
         Wall constants.
-    loads : ndarray, shape (chunks, panels, 8), float64
+    corner : ndarray, shape (3,), float64
+        Lower corner of the box.
+    loads : ndarray, shape (chunks, panels, 11), float64
         Filled with the wall loads of every chunk.
+    reactions : ndarray, shape (chunks, 4, m), float64, or None
+        Receives the force on every element and the mass of air it carries along, chunk by chunk.
     """
     nx, ny = integers[0], integers[1]
     channels, panels = signed.shape[0], element_start.shape[0]
@@ -189,6 +231,7 @@ def walled_pass(
             np.empty((channels, channels), fluid.dtype),
         )
         area = np.empty(element_room, fluid.dtype)
+        reaction = np.zeros((channels, REACTION_SIZE, element_room), fluid.dtype)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)
         filler[0] = FAR
@@ -237,6 +280,8 @@ def walled_pass(
                         wall_buf[channel],
                         wall_begin[channel],
                     )
+                    if reactions is not None:
+                        reaction[channel, :, :] = 0.0
                     for sides, target in ((element_signed, wall_s), (element_inside, wall_d)):
                         gather_sides(sides, wall_start, integers, place, image, panels, runs, target[channel])
             for cz in range(z0, z1):
@@ -278,10 +323,37 @@ def walled_pass(
                             n_wall,
                             area,
                         )
-                        sums_wall = sum_wall(a, s_a[channel], element, faced, first_wall, n_wall, wall_k)
+                        if reactions is None:
+                            sums_wall = sum_wall(
+                                a, s_a[channel], element, faced, first_wall, n_wall, wall_k, None
+                            )
+                        else:
+                            sums_wall = sum_wall(
+                                a, s_a[channel], element, faced, first_wall, n_wall, wall_k, reaction[channel]
+                            )
                         load[:] = 0.0
-                        _add_wall(sums_wall, scale, a[6], order[i], acceleration, density_rate, shift, load)
-                        if channel >= panels:  # the force on an image is the mirror of one on the wall itself
-                            load[1] = -load[1]
-                            load[4] = -load[4]
+                        at = (
+                            corner[0] + (cx + 0.5) * cell[0] + a[0],
+                            corner[1] + (cy + 0.5) * cell[1] + a[1],
+                            corner[2] + (centre + 0.5) * cell[2] + a[2],
+                        )
+                        _add_wall(
+                            sums_wall, scale, a[6], at, order[i], acceleration, density_rate, shift, load
+                        )
+                        if channel >= panels:  # the load on an image is the mirror of one on the wall itself
+                            for q in (1, 4, 8, 10):
+                                load[q] = -load[q]
                         loads[chunk, channel % panels] += load
+            if close and reactions is not None:
+                for channel in range(channels):
+                    return_reactions(
+                        reaction[channel],
+                        wall_begin[channel],
+                        element_start[channel % panels],
+                        integers,
+                        place,
+                        1 if channel < panels else -1,
+                        scale[MASS],
+                        runs,
+                        reactions[chunk],
+                    )

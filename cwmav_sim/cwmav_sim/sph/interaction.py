@@ -8,20 +8,22 @@ pairs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cwmav_sim.sph import forces
 from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
+from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.gather import buffer_room
 from cwmav_sim.sph.kernel import Kernel
 from cwmav_sim.sph.pair import FLUID_ROWS, pair_constants
 from cwmav_sim.sph.settings import FlowSettings
-from cwmav_sim.sph.sheet import Motion, Nodes, SheetQuadrature
+from cwmav_sim.sph.sheet import Motion, Nodes, SheetLoad, SheetQuadrature
 from cwmav_sim.sph.state import Particles
 from cwmav_sim.sph.subgrid import add_subgrid_stress
 from cwmav_sim.sph.subgrid import constants as subgrid_constants
@@ -49,8 +51,13 @@ class Rates:
         Forces of the air on every panel [N].
     power : ndarray, shape (panels,)
         Power every panel gives to the air [W].
+    moment : ndarray, shape (panels, 3)
+        Moment of the air on every panel about the origin [N m].
     sides : Sides
         Where the particles lie with respect to the walls, mirror images left out.
+    reaction : ndarray, shape (4, elements), or None
+        Force of the air on every wall element [N] and the mass of air that it carries along [kg]; only where
+        asked for.
     """
 
     acceleration: FloatArray
@@ -59,7 +66,9 @@ class Rates:
     pressure: FloatArray
     viscous: FloatArray
     power: FloatArray
+    moment: FloatArray
     sides: Sides
+    reaction: FloatArray | None = None
 
 
 class Interaction:
@@ -91,6 +100,7 @@ class Interaction:
         self._quadrature = None if motion is None else _quadrature(settings, motion, grid)
         self._gravity = np.array([0.0, 0.0, -fluid.gravity])
         self.panels = 0 if self._quadrature is None else self._quadrature.panels
+        self._weights: sp.csr_matrix | None = None
         self._pair_k = pair_constants(
             self.kernel.h,
             fluid.density,
@@ -118,10 +128,13 @@ class Interaction:
         diffusion = 2.0 * fluid.diffusion * self.kernel.h * eos.sound_speed
         self._scale = np.array([self.kernel.slope, 4.0 * fluid.viscosity, diffusion, fluid.density, 0.0])
 
-    def rates(self, particles: Particles, nodes: Nodes | None, *, shifting: bool) -> Rates:
+    def rates(
+        self, particles: Particles, nodes: Nodes | None, *, shifting: bool, reactions: bool = False
+    ) -> Rates:
         """Return the rates of the particles, which lie inside the box, among the walls in the given state.
 
-        The concentration gradient is summed only when ``shifting`` asks for it.
+        The concentration gradient is summed only when ``shifting`` asks for it, and the reaction of every
+        wall element only when ``reactions`` does.
         """
         shifting = shifting and self._shifting
         with self._timers.phase("sort"):
@@ -131,13 +144,37 @@ class Interaction:
         if self._quadrature is None or nodes is None:
             with self._timers.phase("pairs"):
                 return self._unbounded(particles, sorting, fluid, column, shifting)
-        return self._walled(particles, nodes, sorting, fluid, column, shifting)
+        return self._walled(particles, nodes, sorting, fluid, column, shifting, reactions)
 
     def predict_walls(self, dt: float) -> None:
         """Bring whatever state the walls have to half the step of ``dt`` [s]; two-sided ones have none."""
 
     def correct_walls(self, dt: float) -> None:
         """Bring whatever state the walls have over the step."""
+
+    def sheet_load(
+        self, rates: Rates, nodes: Nodes, crossed: Crossings | None = None, dt: float = 1.0
+    ) -> SheetLoad:
+        """Bring the reactions of the wall elements to the nodes.
+
+        The kicks of particles that were put back are spread over the step of ``dt`` [s].
+        """
+        quadrature = self._quadrature
+        if quadrature is None or rates.reaction is None:
+            raise ValueError("no reactions were asked for")
+        if self._weights is None:
+            self._weights = self._shares(len(nodes.x))
+        force, carried = rates.reaction[:3].T.copy(), rates.reaction[3]
+        if crossed is not None and len(crossed.panel):
+            place = quadrature.nearest(quadrature.place(nodes), crossed.x, crossed.panel)
+            np.add.at(force, place, crossed.kick / dt)
+        back = self._weights.T
+        return SheetLoad(np.asarray(back @ force), np.asarray(back @ carried))
+
+    def _shares(self, nodes: int) -> sp.csr_matrix:
+        """Share of every node in the position of every wall element, shape (elements, nodes)."""
+        assert self._quadrature is not None  # noqa: S101 - for the type checker
+        return self._quadrature.weights(nodes)
 
     def pairs(self, particles: Particles) -> int:
         """Count the ordered pairs within the support, images across the faces of the box left out."""
@@ -221,13 +258,14 @@ class Interaction:
         fluid: NDArray,
         column: NDArray,
         shifting: bool,
+        reactions: bool,
     ) -> Rates:
         assert self._quadrature is not None  # noqa: S101 - for the type checker
         with self._timers.phase("walls"):
             placed = self._quadrature.place(nodes).relative_to(self._gravity)
             surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
         with self._timers.phase("pairs"):
-            return self._bounded(particles, sorting, fluid, column, surfaces, shifting)
+            return self._bounded(particles, sorting, fluid, column, surfaces, shifting, reactions)
 
     def _bounded(
         self,
@@ -237,12 +275,15 @@ class Interaction:
         column: NDArray,
         surfaces: Surfaces,
         shifting: bool,
+        reactions: bool,
     ) -> Rates:
         integers = self._grid.integers
         elements, sides = surfaces.elements, surfaces.particle_sides
         n = particles.count
         acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         loads = np.zeros((CHUNKS, self.panels, forces.LOAD_SIZE))
+        count = elements.rows.shape[1]
+        parts = np.zeros((CHUNKS, forces.REACTION_SIZE, count)) if reactions else None
         scale = self._scale.copy()
         scale[forces.MASS] = particles.mass
         forces.walled_pass(
@@ -267,15 +308,18 @@ class Interaction:
             surfaces.element_sides.signed,
             surfaces.element_sides.inside,
             self._wall_k,
+            self._grid.low,
             acceleration,
             density_rate,
             shift,
             loads,
+            parts,
         )
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides, surfaces.near)
         acceleration += self._gravity
         own = sides.in_storage_order(self.panels, sorting.order)
-        return as_rates(acceleration, density_rate, shift, loads.sum(axis=0), own)
+        found = as_rates(acceleration, density_rate, shift, loads.sum(axis=0), own)
+        return found if parts is None else replace(found, reaction=_numbered(parts, elements.number))
 
 
 def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuadrature:
@@ -298,7 +342,7 @@ def _quadrature(settings: FlowSettings, motion: Motion, grid: Grid) -> SheetQuad
 def as_rates(
     acceleration: FloatArray, density_rate: FloatArray, shift: FloatArray, loads: FloatArray, sides: Sides
 ) -> Rates:
-    """Return what a pass filled, with the wall loads, shape (panels, 8), taken apart."""
+    """Return what a pass filled, with the wall loads, shape (panels, 11), taken apart."""
     return Rates(
         acceleration=acceleration,
         density_rate=density_rate,
@@ -306,5 +350,13 @@ def as_rates(
         pressure=loads[:, 0:3],
         viscous=loads[:, 3:6],
         power=-(loads[:, 6] + loads[:, 7]),
+        moment=loads[:, 8:11],
         sides=sides,
     )
+
+
+def _numbered(parts: FloatArray, number: NDArray[np.int64]) -> FloatArray:
+    """Add up the chunks of the reactions and bring them from places to numbers of elements."""
+    out = np.empty(parts.shape[1:])
+    out[:, number] = parts.sum(axis=0)
+    return out

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cwmav_sim.sph import dynamic, forces
@@ -52,9 +55,11 @@ class PlainInteraction(Interaction):
         fluid: NDArray,
         column: NDArray,
         shifting: bool,
+        reactions: bool,
     ) -> Rates:
         with self._timers.phase("walls"):
             wall = self._wall.placed(nodes, self._middle, self._dimensions)
+            arm = wall.x.copy()
             self._grid.wrap(wall.x)
             wall_sorting = sort_into_cells(wall.x, self._grid)
             packed = self._pack(wall, wall_sorting)
@@ -62,7 +67,7 @@ class PlainInteraction(Interaction):
         with self._timers.phase("pairs"):
             n = particles.count
             acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
-            wall_rate, force = np.empty(wall.count), np.empty((forces.LOAD_SIZE, wall.count))
+            wall_rate, force = np.empty(wall.count), np.zeros((forces.LOAD_SIZE, wall.count))
             scale = self._scale.copy()
             scale[forces.MASS] = particles.mass
             air = (fluid, column, sorting.order, sorting.start)
@@ -84,9 +89,16 @@ class PlainInteraction(Interaction):
             )
             dynamic.wall_pass(*air, *solid, *constants, room, wall_rate, force)
         self._wall_rate = wall_rate
+        total = force[0:3] + force[3:6]
+        force[8:11] = np.cross(arm, total.T).T
         by_panel = np.zeros((self.panels, forces.LOAD_SIZE))
         np.add.at(by_panel, self._wall.panel, force.T)
         sides = Sides.empty(self.panels, n, self.dtype)
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
         acceleration += self._gravity
-        return as_rates(acceleration, density_rate, shift, by_panel, sides)
+        # The force does not depend on the wall's acceleration, so no air is carried along within a pass.
+        reaction = np.vstack([total, np.zeros(wall.count)]) if reactions else None
+        return replace(as_rates(acceleration, density_rate, shift, by_panel, sides), reaction=reaction)
+
+    def _shares(self, nodes: int) -> sp.csr_matrix:
+        return self._wall.weights(nodes)

@@ -10,11 +10,13 @@ particles slightly beyond its edge.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cwmav_common.errors import InputError
@@ -72,6 +74,45 @@ class Solid(Protocol):
     def holds(self, x: FloatArray) -> NDArray[np.bool_]:
         """Return which of the places ``x`` [m], shape (n, 3), lie in that room at time zero, shape (n,)."""
         ...
+
+
+@dataclass(frozen=True)
+class SheetLoad:
+    """What the air does to the nodes of the sheets in one step.
+
+    Attributes
+    ----------
+    force : ndarray, shape (n, 3)
+        Forces [N], their mean over the step.
+    carried : ndarray, shape (n,)
+        Mass of air that a node carries along [kg]: how much its normal force falls per acceleration.
+    """
+
+    force: FloatArray
+    carried: FloatArray
+
+
+@runtime_checkable
+class Compliant(Protocol):
+    """Sheets that the air moves: a :class:`Motion` that must be told the loads."""
+
+    def foresee(self, t: float, load: SheetLoad) -> None:
+        """Foresee the motion until ``t`` [s] from the load at the begin of the step."""
+        ...
+
+    def accept(self, t: float, load: SheetLoad) -> None:
+        """Go on to time ``t`` [s] under the load of the step that ends there."""
+        ...
+
+
+def expected_speed(motion: Motion | None, airspeed: float) -> float:
+    """Return the highest speed of stream and walls [m/s], walls sampled over two periods of their motion."""
+    if motion is None:
+        return abs(airspeed)
+    period = float(getattr(motion, "period", 1.0))
+    instants = np.linspace(0.0, 2.0 * period, 193)
+    walls = max(float(np.max(np.einsum("ij,ij->i", v, v))) for v in (motion.state(t).v for t in instants))
+    return math.hypot(math.sqrt(walls), airspeed)
 
 
 @dataclass(frozen=True)
@@ -165,6 +206,24 @@ class SheetQuadrature:
     def count(self) -> int:
         """Number of elements."""
         return len(self.panel)
+
+    def weights(self, nodes: int) -> sp.csr_matrix:
+        """Return the share of each of ``nodes`` nodes in the position of every element, shape (m, n).
+
+        Positions and velocities of the elements are this matrix times those of the nodes, so its transpose
+        takes forces to the nodes without a change of force, moment or power.
+        """
+        row = np.repeat(np.arange(self.count), 3)
+        column = self._triangles[self._triangle].ravel()
+        return sp.csr_matrix((self._barycentric.ravel(), (row, column)), shape=(self.count, nodes))
+
+    def nearest(self, placed: Elements, x: FloatArray, panel: IntArray) -> IntArray:
+        """Return the element of the panel of each point ``x``, shape (k, 3), that is nearest to it."""
+        found = np.empty(len(x), np.int64)
+        for k, (point, p) in enumerate(zip(x, panel, strict=True)):
+            mine = np.flatnonzero(self.panel == p)
+            found[k] = mine[np.argmin(np.sum((placed.x[mine] - point) ** 2, axis=1))]
+        return found
 
     def place(self, nodes: Nodes) -> Elements:
         """Return the elements for a state of the nodes."""

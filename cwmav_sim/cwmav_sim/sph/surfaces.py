@@ -29,11 +29,14 @@ class PackedPoints:
         x index of the cell of each point.
     start : ndarray, shape (panels, cells + 1)
         First place of every cell, panel by panel.
+    number : ndarray, shape (m,)
+        Number of the point at every place.
     """
 
     rows: NDArray
     column: NDArray
     start: IntArray
+    number: IntArray
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ def _pack(
     grid: Grid,
     dtype: np.dtype,
 ) -> PackedPoints:
-    rows, column, start = [], [], []
+    rows, column, start, number = [], [], [], []
     offset = 0
     for p in range(panels):
         mine = np.flatnonzero(panel == p)
@@ -172,6 +175,7 @@ def _pack(
         rows.append(np.vstack([sorting.local.T, *(np.atleast_2d(value[order].T) for value in values)]))
         column.append(sorting.column)
         start.append(sorting.start + offset)
+        number.append(order)
         offset += len(mine)
     packed = np.ascontiguousarray(np.hstack(rows), dtype=dtype)
-    return PackedPoints(packed, np.concatenate(column).astype(dtype), np.array(start))
+    return PackedPoints(packed, np.concatenate(column).astype(dtype), np.array(start), np.concatenate(number))

@@ -98,7 +98,7 @@ def wall_constants(
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def sum_wall(a, side, buf, area, first, n, k):
+def sum_wall(a, side, buf, area, first, n, k, reaction):
     """Sum the wall terms of one particle over ``n`` buffered elements.
 
     Parameters
@@ -115,6 +115,9 @@ def sum_wall(a, side, buf, area, first, n, k):
         First entry and number of entries to use.
     k : ndarray, shape (32,)
         Wall constants.
+    reaction : ndarray, shape (4, m), or None
+        Per mass of the particle: receives its reaction on every element (3) [m/s2] and the part of the
+        element's normal reaction that is proportional to its deceleration, the air it carries along [1].
 
     Returns
     -------
@@ -180,4 +183,9 @@ def sum_wall(a, side, buf, area, first, n, k):
         sx += omega * g0 * ex
         sy += omega * g0 * ey
         sz += omega * g0 * ez
+        if reaction is not None:
+            reaction[0, first + j] -= force * ex + drag * du
+            reaction[1, first + j] -= force * ey + drag * dv
+            reaction[2, first + j] -= force * ez + drag * dw
+            reaction[3, first + j] -= omega * ne * ne * g1
     return px, py, pz, fx, fy, fz, div, sx, sy, sz, pp, pf

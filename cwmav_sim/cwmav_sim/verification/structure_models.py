@@ -48,8 +48,8 @@ class LatticeAgainstMembrane:
     def measured(self, model: str) -> tuple[float, float, float]:
         """Return two twists [deg] and the deflection of the tip [mm] of one model."""
         layout = plan(
-            Flexibility(model=model, lattice=LatticeLayout(self.spanwise, self.chordwise)),
-            WingPlanform(),
+            Flexibility(lattice=LatticeLayout(self.spanwise, self.chordwise)),
+            WingPlanform(model=model),
             Kinematics(),
             Attitude(12.0, 0.0, 0.0),
             spacing=self.spacing,

@@ -16,8 +16,8 @@ _BUILDERS = {"membrane": membrane_wings, "lattice": lattice_wings}
 
 
 def flexible_wings(layout: Plan) -> FlexibleWings:
-    """Build the wings by the model that the settings name."""
-    return _BUILDERS[layout.flexibility.model](layout)
+    """Build the wings by the model that the planform's settings name; prescribed wings have no structure."""
+    return _BUILDERS[layout.planform.model](layout)
 
 
 def uniform_pressure(wings: FlexibleWings, pressure: float) -> Load:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +23,9 @@ import scipy.sparse.linalg as sla
 
 from cwmav_sim.wing.rotation import cross, turn, turn_back
 from cwmav_sim.wing.sheet import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from cwmav_sim.wing.carried import CarriedAir
 
 _ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
 
@@ -159,12 +162,21 @@ class System:
         Driven nodes and bodies.
     mass_damping : float
         Rayleigh coefficient a0 [1/s] of the damping proportional to mass.
+    carried : CarriedAir, optional
+        Air that moves with the structure, for coupled motion.
     """
 
     def __init__(
-        self, inertia: Inertia, elements: Sequence[Element], drive: Drive, *, mass_damping: float = 0.0
+        self,
+        inertia: Inertia,
+        elements: Sequence[Element],
+        drive: Drive,
+        *,
+        mass_damping: float = 0.0,
+        carried: CarriedAir | None = None,
     ) -> None:
-        self.inertia, self.elements, self.drive = inertia, tuple(elements), drive
+        self.inertia, self.drive, self.carried = inertia, drive, carried
+        self.elements = (*elements, carried) if carried is not None else tuple(elements)
         self.mass_damping = mass_damping
         self.nodes, self.bodies = len(inertia.mass), len(inertia.rotary)
         self.rows = self.nodes + self.bodies

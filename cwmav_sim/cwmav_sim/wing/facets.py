@@ -136,6 +136,15 @@ class FacetSheet:
         inverse = sp.block_diag(list(free[:, None, None] * np.concatenate([linear, angular])), format="csr")
         return sp.csr_matrix(jacobian @ inverse @ jacobian.T)
 
+    def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
+        """Return the inertia of every body, shape (bodies, 6, 6); bodies share the nodes between them."""
+        arm, n = turn(c.turn[self._bodies], self._arm), normal[self._nodes]
+        row = np.concatenate([n, cross(arm, n)], axis=1)
+        weight = self._share * mass[self._nodes]
+        out = np.zeros((len(c.x), 6, 6))
+        np.add.at(out, self._bodies, weight[:, None, None] * row[:, :, None] * row[:, None, :])
+        return out
+
     def _jacobian(self, c: Configuration) -> sp.csr_matrix:
         """Velocities of the sheet per rate of the bodies, shape (3 n, 3 (n + k))."""
         count, rows = self._mean.shape[0], self._system.rows

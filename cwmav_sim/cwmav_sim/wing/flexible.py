@@ -11,6 +11,7 @@ import numpy as np
 from cwmav_common.errors import InputError
 from cwmav_common.settings import setting
 from cwmav_sim.kinematics import Kinematics
+from cwmav_sim.wing.carried import CarriedAir, node_blocks
 from cwmav_sim.wing.contact import ContactLaw
 from cwmav_sim.wing.dynamics import Inertia, System
 from cwmav_sim.wing.film_mesh import even_mesh
@@ -91,11 +92,6 @@ class LatticeLayout:
 class Flexibility:
     """Structure of the wings; defaults describe a DelFly-like panel."""
 
-    model: str = setting(
-        "membrane",
-        "membrane: film and rods as finite elements; lattice: rigid facets, ball joints, springs",
-        choices=("membrane", "lattice"),
-    )
     film: Film = field(default_factory=Film)
     spar: Spar = field(default_factory=Spar)
     stiffeners: tuple[Stiffener, ...] = setting(
@@ -187,6 +183,7 @@ def membrane_wings(layout: Plan) -> FlexibleWings:
         [film, rod_elements(paths, 0, total, viscosity=viscosity)],
         _root(layout, axes, bodies, [panel[0].triad for panel in rods]),
         mass_damping=flexibility.damping.mass,
+        carried=CarriedAir(node_blocks(total)),
     )
     triads = np.concatenate([np.broadcast_to(p.triad, (len(p.points), 3, 3)) for p in paths])
     return FlexibleWings(

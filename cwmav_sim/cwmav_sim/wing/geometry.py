@@ -21,6 +21,12 @@ from cwmav_sim.wing.sheet import FloatArray, IntArray
 class WingPlanform:
     """Settings of one wing panel."""
 
+    model: str = setting(
+        "prescribed",
+        "prescribed: follows a law of twist; membrane: film and rods as finite elements, moved by the air; "
+        "lattice: rigid facets, ball joints and springs, moved by the air",
+        choices=("prescribed", "membrane", "lattice"),
+    )
     length: float = setting(0.140, "distance from the hinge axis to the tip", unit="m", gt=0)
     root: float = setting(0.020, "distance from the hinge axis to the inner end of the film", unit="m", gt=0)
     root_chord: float = setting(0.085, "chord of the straight part", unit="m", gt=0)

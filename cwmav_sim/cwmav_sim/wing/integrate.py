@@ -103,6 +103,11 @@ class Integrator:
         self._floor = system.rounding(start)
         self.motion = self._begin(start, time, load or self._no_load)
 
+    @property
+    def share_of_begin(self) -> float:
+        """Weight of the begin of a step in the forces that the method averages; the end has the rest."""
+        return self._af
+
     def advance(self, time: float, load: Load | None = None) -> Motion:
         """Go on to ``time`` [s] under ``load`` at that instant.
 
@@ -150,7 +155,8 @@ class Integrator:
     def _divide(self, target: float, load: Load, halvings: int) -> None:
         """One step to ``target``, halved until it converges."""
         try:
-            self.motion = self._step(target, load)
+            with np.errstate(all="ignore"):  # an iterate that runs away is found by its residual
+                self.motion = self._step(target, load)
         except _NotConvergedError:
             if halvings == 0:
                 raise WorkError(

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwmav_sim.wing.carried import CarriedAir, body_blocks
 from cwmav_sim.wing.connector import Connectors, Ends, Stiffness
 from cwmav_sim.wing.dynamics import Inertia, System
 from cwmav_sim.wing.facets import Facets, FacetSheet, group_triangles, rigid_facets
@@ -81,6 +82,7 @@ def lattice_wings(layout: Plan) -> FlexibleWings:
         [_connectors(layout, joints, x, rotation, axes, count)],
         _root(layout, len(facets.mass), grounds, rotation, count),
         mass_damping=layout.flexibility.damping.mass,
+        carried=CarriedAir(body_blocks(len(x))),
     )
     return FlexibleWings(
         system,

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The seam between air and structure: loads in, motion of the sheet out, with an energy account.
 
-The air solver asks a moving sheet for its nodes; a flexible wing must first be told the loads. A step of the
-coupled problem is: :meth:`WingStructure.advance` to the new time under the nodal loads of the air, then
-:class:`FlexibleSheet` answers for that time.
+The air solver asks a moving sheet for its nodes; a flexible wing must first be told the loads. How the two go
+together is in :mod:`cwmav_sim.coupling`.
 """
 
 from __future__ import annotations
@@ -14,8 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cwmav_common.errors import InputError, WorkError
+from cwmav_sim.wing.carried import Carried
 from cwmav_sim.wing.contact import ContactLaw, Impacts
-from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.dynamics import Configuration, Load, System
 from cwmav_sim.wing.integrate import Integration, Integrator
 from cwmav_sim.wing.motion import Counters, Energies, Motion
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
@@ -95,6 +95,14 @@ class SheetMap(Protocol):
         """Return the change of the sheet's velocities per nodal impulse, shape (3 n, 3 n) [1/kg]."""
         ...
 
+    def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
+        """Return the inertia that nodal masses (n,) moving along ``normal`` (n, 3) add to each unknown.
+
+        Blocks of the rows that :class:`cwmav_sim.wing.carried.CarriedAir` was given, shape (m, d, d), lumped:
+        what couples different blocks is added to their diagonals.
+        """
+        ...
+
 
 class NodesAreSheet:
     """The sheet's nodes are the structure's own."""
@@ -123,6 +131,10 @@ class NodesAreSheet:
         inverse = 1.0 / self._system.inertia.mass
         inverse[self._system.drive.nodes] = 0.0
         return sp.diags(np.repeat(inverse, 3), format="csr")
+
+    def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
+        """Return the mass along the normal of every node, shape (n, 3, 3)."""
+        return mass[:, None, None] * normal[:, :, None] * normal[:, None, :]
 
 
 class FlexibleWings:
@@ -213,9 +225,29 @@ class FlexibleWings:
         self._check(time, load)
         if time > self.time:
             self._integrator.advance(time, lambda c: self.sheet.load(c, load))
-            if self.impacts is not None:
-                self._integrator.amend(self.impacts.resolve(self._integrator.motion))
+            self._collide()
         return self.state()
+
+    def pushed(self, time: float, load: FloatArray, carried: Carried) -> SheetState:
+        """Go on to ``time`` [s] under a nodal load (n, 3) [N] that is the mean over the step.
+
+        ``carried`` air answers to accelerations other than those with which the load was computed. See
+        :meth:`advance` for the errors.
+        """
+        self._check(time, load)
+        if time > self.time:
+            self._integrator.advance(time, self._mean(time, load, carried))
+            self._collide()
+        return self.state()
+
+    def foreseen(self, time: float, load: FloatArray, carried: Carried) -> tuple[Configuration, SheetState]:
+        """Return where :meth:`pushed` would lead, contacts apart, without going there."""
+        self._check(time, load)
+        begin = self._integrator.motion
+        self._integrator.advance(time, self._mean(time, load, carried))
+        reached = self._integrator.motion
+        self._integrator.amend(begin)
+        return reached.configuration, self.sheet.state(reached.configuration, reached.acceleration)
 
     def state(self) -> SheetState:
         """Return the sheet at the time reached."""
@@ -232,6 +264,27 @@ class FlexibleWings:
         if self.impacts is not None:
             self.impacts.forget()
 
+    def _collide(self) -> None:
+        if self.impacts is not None:
+            self._integrator.amend(self.impacts.resolve(self._integrator.motion))
+
+    def _mean(self, time: float, load: FloatArray, carried: Carried) -> Load:
+        """Load at the end of the step whose average with that at its begin is the given one.
+
+        The method feels (1 - f) times the load at the end and f times that at the begin, nothing else.
+        """
+        air, begin, f = self.system.carried, self._integrator.motion, self._integrator.share_of_begin
+        step, c0 = time - begin.time, begin.configuration
+        if air is None:
+            raise ValueError("this structure was built without room for carried air")
+        blocks = self.sheet.carried(c0, carried.mass, carried.normal) / step
+        air.renew(blocks / (1.0 - f), c0.rates + step * carried.rate)
+
+        def at_end(c: Configuration) -> FloatArray:
+            return (self.sheet.load(c, load) - f * begin.force) / (1.0 - f) + air.load(c)
+
+        return at_end
+
     def _check(self, time: float, load: FloatArray) -> None:
         if not time >= self.time:
             raise InputError(
@@ -241,73 +294,3 @@ class FlexibleWings:
             raise InputError(f"wing structure: loads have shape {load.shape}; allowed: ({self._count}, 3)")
         if not np.all(np.isfinite(load)):
             raise WorkError("wing structure: the air load is not finite")
-
-
-class FlexibleSheet:
-    """A structure seen as :class:`cwmav_sim.wing.sheet.SheetMotion`.
-
-    Between the last two accepted instants the nodes follow cubic Hermite polynomials; up to ``reach`` beyond
-    the last one they go on with their velocity and acceleration, which is what a predictor needs.
-    """
-
-    def __init__(self, structure: WingStructure, *, reach: float = 1e-3) -> None:
-        self.structure, self.reach = structure, reach
-        self._now = (structure.time, structure.state())
-        self._before = self._now
-
-    @property
-    def triangles(self) -> IntArray:
-        """Node numbers of each triangle, shape (m, 3)."""
-        return self.structure.triangles
-
-    @property
-    def panel(self) -> IntArray:
-        """Panel number of each triangle, shape (m,)."""
-        return self.structure.panel
-
-    @property
-    def panel_names(self) -> tuple[str, ...]:
-        """Names of the panels."""
-        return self.structure.panel_names
-
-    def accept(self, time: float, load: FloatArray) -> SheetState:
-        """Advance the structure under the nodal ``load`` (n, 3) [N]; the result is the newest instant."""
-        state = self.structure.advance(time, load)
-        self._before, self._now = self._now, (time, state)
-        return state
-
-    def state(self, t: float) -> SheetState:
-        """Return the nodes at ``t`` [s].
-
-        Raises
-        ------
-        InputError
-            ``t`` lies before the last interval or more than ``reach`` after it.
-        """
-        (t0, first), (t1, last) = self._before, self._now
-        if t == t1:
-            return last
-        if t > t1:
-            return self._ahead(t - t1, last)
-        if t < t0:
-            raise InputError(
-                f"flexible sheet: t = {t:g} s is forgotten; allowed: {t0:g} .. {t1 + self.reach:g} s"
-            )
-        return _hermite((t - t0) / (t1 - t0), t1 - t0, first, last)
-
-    def _ahead(self, s: float, last: SheetState) -> SheetState:
-        if s > self.reach * (1.0 + 1e-9):
-            raise InputError(
-                f"flexible sheet: {s:g} s beyond the last accepted instant; allowed: <= {self.reach:g} s"
-            )
-        return SheetState(last.x + s * last.v + 0.5 * s * s * last.a, last.v + s * last.a, last.a)
-
-
-def _hermite(u: float, h: float, first: SheetState, last: SheetState) -> SheetState:
-    """Cubic through positions and velocities of both ends, at the share ``u`` of the interval ``h``."""
-    jump = last.x - first.x
-    quadratic = 3.0 * jump - h * (2.0 * first.v + last.v)
-    cubic = -2.0 * jump + h * (first.v + last.v)
-    x = first.x + u * (h * first.v + u * (quadratic + u * cubic))
-    v = first.v + u * (2.0 * quadratic + 3.0 * u * cubic) / h
-    return SheetState(x, v, (2.0 * quadratic + 6.0 * u * cubic) / h**2)

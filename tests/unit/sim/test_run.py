@@ -24,7 +24,8 @@ class FakeFlow:
 
     lift_of_panel = staticmethod(lambda t: 0.05 + 0.3 * math.sin(2 * math.pi * t / PERIOD))
 
-    def __init__(self, flow, motion, airspeed):
+    def __init__(self, flow, motion, airspeed, **options):
+        self._motion = motion
         self.time, self._steps = 0.0, 0
         box, step = flow.box, flow.resolution.dp
         axes = (
@@ -38,6 +39,10 @@ class FakeFlow:
         self.density = np.full(len(self.position), 1.225)
         self.pressure = np.zeros(len(self.position))
         self.particles = len(self.position)
+
+    @property
+    def sheet(self):
+        return self._motion.state(self.time)
 
     def step(self):
         self._steps += 1
@@ -196,9 +201,10 @@ def test_slice_shows_the_shear_of_the_stream_and_the_wings(fake_flow, case, tmp_
 
 
 def test_wing_cut_lies_in_the_plane_of_the_wings(case):
-    lines = wing_cut(case.motion(), 0.0, 0.08)
+    motion = case.motion()
+    x = motion.state(0.0).x
+    lines = wing_cut(x[motion.triangles], 0.08)
     assert lines.shape[1:] == (2, 2)
-    x = case.motion().state(0.0).x
     assert lines[..., 1].min() >= x[:, 2].min() - 1e-9
     assert lines[..., 1].max() <= x[:, 2].max() + 1e-9
-    assert wing_cut(case.motion(), 0.0, 0.2).shape == (0, 2, 2)
+    assert wing_cut(x[motion.triangles], 0.2).shape == (0, 2, 2)

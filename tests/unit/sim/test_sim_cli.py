@@ -17,7 +17,7 @@ from cwmav_sim.verification.protocol import Check
 class SteadyFlow:
     """Air that pushes each wing up with the same force at every step."""
 
-    def __init__(self, flow, motion, airspeed):
+    def __init__(self, flow, motion, airspeed, **options):
         self.time, self._steps, self.particles = 0.0, 0, 1000
 
     def step(self):

@@ -11,8 +11,7 @@ from cwmav_sim.wing.flexible import Flexibility, Root, membrane_wings, plan
 from cwmav_sim.wing.geometry import WingPlanform
 from cwmav_sim.wing.integrate import Integration
 from cwmav_sim.wing.prescribed import Attitude, ClappingWings
-from cwmav_sim.wing.sheet import SheetMotion, triangle_areas
-from cwmav_sim.wing.structure import FlexibleSheet
+from cwmav_sim.wing.sheet import triangle_areas
 
 ATTITUDE = Attitude(frequency=12.0, angle_of_attack=0.3, airspeed=3.0)
 SPACING = 0.02
@@ -145,28 +144,6 @@ def test_static_load_work_becomes_elastic_energy_and_damping():
     assert e.drive_work == pytest.approx(0.0, abs=1e-12)
     assert abs(e.numerical) < 0.05 * e.load_work
     assert e.elastic + e.dissipated + e.kinetic == pytest.approx(e.load_work - e.numerical, rel=1e-9)
-
-
-def test_sheet_wrapper_interpolates_and_looks_ahead():
-    structure = swing(wings(), steps=20)
-    sheet = FlexibleSheet(structure, reach=2e-4)
-    assert isinstance(sheet, SheetMotion)
-    start = structure.time
-    first = sheet.state(start)
-    ahead = sheet.state(start + 1e-4)
-    last = sheet.accept(start + 1e-4, drag(structure))
-    assert np.abs(ahead.x - last.x).max() < 2e-5
-    assert_allclose(sheet.state(start).x, first.x, atol=1e-12)
-    assert_allclose(sheet.state(start + 1e-4).x, last.x)
-    middle = sheet.state(start + 5e-5)
-    assert_allclose(middle.x, 0.5 * (first.x + last.x), atol=1e-6)
-    tiny = 1e-7
-    slope = (sheet.state(start + 5e-5 + tiny).x - sheet.state(start + 5e-5 - tiny).x) / (2 * tiny)
-    assert_allclose(middle.v, slope, atol=1e-5)
-    with pytest.raises(InputError, match="allowed: <= 0.0002"):
-        sheet.state(start + 1e-3)
-    with pytest.raises(InputError, match="forgotten"):
-        sheet.state(start - 1e-4)
 
 
 def test_bad_loads_are_refused():
