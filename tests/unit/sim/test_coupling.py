@@ -276,3 +276,13 @@ def test_folded_wing_is_a_failure_of_work():
 def test_unknown_model_is_refused():
     with pytest.raises(InputError, match="one of prescribed, membrane, lattice"):
         coarse("rubber")
+
+
+def test_plain_walls_move_flexible_wings_too():
+    motion, solver = solver_of(coarse("membrane", "flow.sheet.treatment=dbc"))
+    work = 0.0
+    for _ in range(40):
+        info = solver.step()
+        work += info.dt * float(info.power.sum())
+    assert motion.energies.load_work == pytest.approx(-work, rel=0.15)
+    assert np.abs(solver.sheet.v).max() < 3.0
