@@ -150,6 +150,26 @@ def benchmark(
 
 
 @cli.command()
+def evidence(
+    out: Annotated[Path, typer.Option(help="Folder of the runs, the table and the figure.")],
+    seeds: Annotated[int, typer.Option(min=1, max=10_000, help="Runs of every method.")] = 30,
+    study: Annotated[list[str] | None, typer.Option(help="Only these studies.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare methods by true evaluations to the optimum; continues what the folder holds."""
+    from cwmav_rbdo.evidence import collect, summarise, table_lines, write_figure
+    from cwmav_rbdo.evidence.collect import read
+
+    path = out / "evidence.jsonl"
+    collect(path, seeds, study or (), message)
+    rows = read(path)
+    table = list(table_lines(rows))
+    (out / "evidence.md").write_text("\n".join(table) + "\n", encoding="utf-8")
+    write_figure(rows, out / "evidence.png")
+    emit({"rows": summarise(rows)}, as_json, table)
+
+
+@cli.command()
 def reproduce(
     table: Annotated[str, typer.Argument(help="table1, table3, table5, table6, table7 or all.")],
     cases: Annotated[Path | None, typer.Option(help="CSV of simulated lifts, for tables 1 and 3.")] = None,

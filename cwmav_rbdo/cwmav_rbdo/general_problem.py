@@ -21,7 +21,8 @@ from cwmav_common.errors import InputError
 from cwmav_common.settings import setting
 from cwmav_rbdo.dispatch import DispatchSettings
 from cwmav_rbdo.expressions import CONSTANTS, FUNCTIONS, Function, Rows, compile_function
-from cwmav_rbdo.wing_problem import DesignVariable, SurrogateSettings
+from cwmav_rbdo.window import WindowSettings
+from cwmav_rbdo.wing_problem import METHODS, DesignVariable, SurrogateSettings
 
 Array = NDArray[np.float64]
 DISTRIBUTIONS = ("normal", "lognormal", "uniform", "gumbel")
@@ -67,6 +68,12 @@ class GeneralProblem:
         None, "required reliability, one or per constraint"
     )
     max_true_evaluations: int = setting(200, "budget of evaluated points", ge=4, le=1000000)
+    method: str = setting(
+        "default",
+        "new samples of kind rbdo; zhang2026 and classical are the paper's rules, for comparison",
+        choices=METHODS,
+    )
+    window: WindowSettings = field(default_factory=WindowSettings)
     surrogate: SurrogateSettings = field(default_factory=lambda: SurrogateSettings(trend="auto"))
     dispatch: DispatchSettings = field(default_factory=DispatchSettings)
 

@@ -262,11 +262,25 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _new_points(self, X: ArrayLike) -> Array:
         check_is_fitted(self)
+        if self._is_plain(X):
+            return self._to_scaled(X)  # type: ignore[arg-type]
         try:
             checked = validate_data(self, X, dtype=np.float64, reset=False)
         except ValueError as error:
             raise InputError(str(error)) from error
         return self._to_scaled(checked)
+
+    def _is_plain(self, X: ArrayLike) -> bool:
+        """Whether X needs no conversion and no complaint; a swarm asks so often that looking longer costs."""
+        return (
+            type(X) is np.ndarray
+            and X.dtype == np.float64
+            and X.ndim == 2
+            and X.shape[1] == self.n_features_in_
+            and len(X) > 0
+            and not hasattr(self, "feature_names_in_")
+            and bool(np.all(np.isfinite(X)))
+        )
 
     def _candidates(self, n: int, d: int) -> list[str]:
         if self.trend == "auto":

@@ -175,12 +175,18 @@ def _optimal_betas(entry: Mapping[str, Any]) -> list[float | None]:
     return betas
 
 
-def true_betas(problem: GeneralProblem, d: Array, seed: int = 20_260_101) -> Array:
+def reference(name: str) -> float:
+    """Brute-force optimum, exact or brute-force probability, or least value of a problem."""
+    return _reference(_problems()[name])
+
+
+def true_betas(problem: GeneralProblem, d: Array, seed: int = 20_260_101, samples: int = 0) -> Array:
     """Reliability indices of the formulas at a design, by a Monte Carlo that no solver has seen."""
+    count = samples or _CHECK
     space, rng = RandomSpace(problem), np.random.default_rng(seed)
     failures = np.zeros(len(problem.constraints))
-    for _ in range(_CHECK // _BLOCK):
+    for _ in range(count // _BLOCK):
         X = space.physical(rng.standard_normal((_BLOCK, space.dimension)), d)
         g = problem.functions.limit_states(dict(zip(space.names, X.T, strict=True)))
         failures += np.count_nonzero(g <= 0.0, axis=0)
-    return np.asarray(-ndtri(np.clip(failures / _CHECK, 0.5 / _CHECK, 1.0 - 0.5 / _CHECK)))
+    return np.asarray(-ndtri(np.clip(failures / count, 0.5 / count, 1.0 - 0.5 / count)))

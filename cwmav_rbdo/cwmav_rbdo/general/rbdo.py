@@ -8,6 +8,7 @@ when the design does not move and the expected share of wrong signs is small.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.special import ndtr
 
 from cwmav_common.errors import WorkError
 from cwmav_rbdo.general.design import Design, DesignSearch, neighbourhood
+from cwmav_rbdo.general.largest_error import paper_samples
 from cwmav_rbdo.general.oracle import BudgetSpentError, Oracle
 from cwmav_rbdo.general.surrogates import CAUTION, Surrogates
 from cwmav_rbdo.general.variables import RandomSpace
@@ -62,7 +64,12 @@ class Outcome:
     message: str
 
 
-def solve_rbdo(problem: GeneralProblem, oracle: Oracle, rng: np.random.Generator) -> Outcome:
+def solve_rbdo(
+    problem: GeneralProblem,
+    oracle: Oracle,
+    rng: np.random.Generator,
+    go_on: Callable[[Array, float, int], bool] = lambda design, objective, evaluations: True,
+) -> Outcome:
     """Solve a problem of kind ``rbdo``.
 
     Parameters
@@ -70,6 +77,7 @@ def solve_rbdo(problem: GeneralProblem, oracle: Oracle, rng: np.random.Generator
     problem : what to solve
     oracle : evaluates all constraints at rows of ``RandomSpace(problem).names``
     rng : source of randomness
+    go_on : told design, objective and evaluations of every round; whether to begin another
 
     Raises
     ------
@@ -98,12 +106,18 @@ def solve_rbdo(problem: GeneralProblem, oracle: Oracle, rng: np.random.Generator
                 len(rounds), design.d, design.objective, design.violation, tuple(doubt.tolist()), oracle.calls
             )
         )
-        rest = _at_rest(problem, rounds)
-        points = _new_points(space, surrogates, design, doubt, doubtful, upper - lower)
-        if rest or len(points) == 0:
-            points = _beside(problem, space, surrogates, design, upper - lower)
-            if rest and len(points) == 0:
-                break
+        if not go_on(design.d, design.objective, oracle.calls):
+            message = "stopped on request"
+            break
+        if problem.method == "default":
+            rest = _at_rest(problem, rounds)
+            points = _new_points(space, surrogates, design, doubt, doubtful, upper - lower)
+            if rest or len(points) == 0:
+                points = _beside(problem, space, surrogates, design, upper - lower)
+                if rest and len(points) == 0:
+                    break
+        else:
+            points = paper_samples(problem, space, surrogates, design, rng)
         if len(points) == 0:
             message = "no point is left that could tell more"
             break

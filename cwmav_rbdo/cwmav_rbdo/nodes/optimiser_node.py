@@ -138,7 +138,7 @@ class OptimiserNode(Node):
 
     def _recorder(self, folder: RunFolder, settings: OptimiserSettings) -> Recorder:
         own = self.get_fully_qualified_name()
-        prefixes = tuple(f"{name}/" for name in (settings.sim, settings.rig, own))
+        prefixes = tuple(f"{name}/" for name in (*settings.sims, settings.rig, own))
 
         def wanted(topic: str) -> bool:
             return topic == "/diagnostics" or (topic.startswith(prefixes) and "/_action/" not in topic)

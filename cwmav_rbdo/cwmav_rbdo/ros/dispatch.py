@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from threading import Thread
 from typing import Any
 
@@ -27,8 +29,26 @@ from cwmav_rbdo.ros.codecs import noise_of
 from cwmav_rbdo.ros.settings import OptimiserSettings
 
 
+@dataclass
+class _Simulation:
+    """One simulation node as seen from here."""
+
+    name: str
+    lift: RemoteService
+    parameters: RemoteService
+    workers: int = 1
+
+    @property
+    def load(self) -> float:
+        """Points under way, relative to what it works on at the same time."""
+        return self.lift.pending / self.workers
+
+
 class RosEvaluator:
     """Asks ``~/evaluate_lift`` and ``~/evaluate_power`` for every point; several points may be under way.
+
+    Of several simulation nodes the least busy one is asked, and after a failure another than the one that
+    failed at that point.
 
     Parameters
     ----------
@@ -44,49 +64,83 @@ class RosEvaluator:
         def remote(service_type: Any, name: str) -> RemoteService:
             return RemoteService(node, service_type, name, presence, calls, settings.patience)
 
-        self._lift = remote(EvaluateLift, f"{settings.sim}/evaluate_lift")
+        self._sims = [
+            _Simulation(
+                name,
+                remote(EvaluateLift, f"{name}/evaluate_lift"),
+                remote(GetParameters, f"{name}/get_parameters"),
+            )
+            for name in settings.sims
+        ]
         self._power = remote(EvaluatePower, f"{settings.rig}/evaluate_power")
         self._scatter = remote(EstimateUncertainty, f"{settings.rig}/estimate_uncertainty")
-        self._sim_parameters = remote(GetParameters, f"{settings.sim}/get_parameters")
-        self._workers = 1
+        self._failed: dict[tuple[float, ...], str] = {}
+        self._begun = 0
 
     @property
     def workers(self) -> int:
-        """How many points the simulation node works on at the same time, as last heard."""
-        return self._workers
+        """How many points the simulation nodes work on at the same time, as last heard."""
+        return sum(sim.workers for sim in self._sims)
 
     @property
     def pending(self) -> int:
         """Answers that are awaited."""
-        return self._lift.pending + self._power.pending
+        return sum(sim.lift.pending for sim in self._sims) + self._power.pending
 
     @property
     def repeated(self) -> int:
         """Requests that had to be sent again because a node was restarted."""
-        return self._lift.repeated + self._power.repeated
+        return sum(sim.lift.repeated for sim in self._sims) + self._power.repeated
 
     def learn_workers(self) -> Future[int]:
-        """Ask the simulation node for its number of workers; :attr:`workers` holds it from then on."""
-        found: Future[int] = Future()
+        """Ask the simulation nodes for their numbers of workers; :attr:`workers` holds the sum from then on.
 
-        def take(done: Future[Any]) -> None:
+        A node that does not answer counts as one worker, unless none does.
+        """
+        found: Future[int] = Future()
+        waiting, errors = {sim.name for sim in self._sims}, []
+
+        def take(sim: _Simulation, done: Future[Any]) -> None:
+            waiting.discard(sim.name)
             error = done.exception()
             if error is not None:
-                found.set_exception(error)
+                errors.append(error)
+            elif done.result().values:
+                sim.workers = max(1, int(done.result().values[0].integer_value))
+            if waiting or found.done():
                 return
-            values = done.result().values
-            self._workers = max(1, int(values[0].integer_value)) if values else 1
-            found.set_result(self._workers)
+            if len(errors) == len(self._sims):
+                found.set_exception(errors[0])
+            else:
+                found.set_result(self.workers)
 
-        self._sim_parameters.call(GetParameters.Request(names=["workers"])).add_done_callback(take)
+        for sim in self._sims:
+            call = sim.parameters.call(GetParameters.Request(names=["workers"]))
+            call.add_done_callback(partial(take, sim))
         return found
 
     def submit(self, point: NDArray[np.float64]) -> Future[Evaluation]:
         """Ask for lift and power of a control point (F [Hz], AoA [rad], U [m/s])."""
-        message = control_point(point)
-        lift = self._lift.call(EvaluateLift.Request(point=message, fidelity=self._settings.fidelity))
+        message, key = control_point(point), tuple(point.tolist())
+        sim = self._choose(key)
+        lift = sim.lift.call(EvaluateLift.Request(point=message, fidelity=self._settings.fidelity))
         power = self._power.call(EvaluatePower.Request(point=message))
-        return _both(answered(lift, lambda r: r), answered(power, lambda r: r))
+        result = _both(answered(lift, lambda r: r), answered(power, lambda r: r))
+        result.add_done_callback(lambda done: self._remember(key, sim, done))
+        return result
+
+    def _choose(self, key: tuple[float, ...]) -> _Simulation:
+        others = [sim for sim in self._sims if sim.name != self._failed.get(key)] or self._sims
+        self._begun += 1
+        # Calls begin in the node's own thread: among equally busy ones, take turns.
+        turn = self._begun % len(others)
+        return min(others[turn:] + others[:turn], key=lambda sim: sim.load)
+
+    def _remember(self, key: tuple[float, ...], sim: _Simulation, done: Future[Any]) -> None:
+        if done.cancelled() or done.exception() is not None:
+            self._failed[key] = sim.name
+        else:
+            self._failed.pop(key, None)
 
     def measure_noise(self) -> Future[Noise]:
         """Ask the rig for the scatter of the control variables on the recording it has."""
