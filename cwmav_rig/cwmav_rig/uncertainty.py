@@ -112,14 +112,19 @@ def _spread(values: Array, means: Array, within: Array) -> Spread:
     if variance <= 0.0:
         return Spread(mean, 0.0, 0.0, 0.0, 0.0, len(values), float(m), nan, ())
     of_mean = between.variance * between.sum_correlations / m
-    kurtosis = max(between.kurtosis, -1.0)
-    of_variance = between.variance**2 * (2.0 * between.sum_squares + kurtosis) / m
-    of_variance += inside.variance * inside.sum_correlations / m
-    dof = float(np.clip(2.0 * variance**2 / max(of_variance, 1e-300), 2.0, 1e9))
     effective = float(np.clip(variance / of_mean, 1.0, len(values))) if of_mean > 0.0 else float(len(values))
+    kurtosis = max(between.kurtosis, -1.0)
     # What was added for the removed mean is as uncertain as the memory and goes with the variance.
-    dof = max(dof / (1.0 + 2.0 / effective) ** 2, 1.0)
-    low, high = (float(np.sqrt(variance)) * bound for bound in _bounds(dof, max(0.0, 1.0 - dof / m)))
+    added = (1.0 + 2.0 / effective) ** 2
+    scatter = _Scatter(
+        between.variance,
+        between.variance**2 * (2.0 * between.sum_squares + kurtosis) / m * added,
+        float(within.mean()),
+        inside.variance * inside.sum_correlations / m,
+        m,
+    )
+    dof = scatter.dof(1.0)
+    low, high = (float(np.sqrt(variance)) * bound for bound in _bounds(scatter))
     return Spread(
         mean=mean,
         std=float(np.sqrt(variance)),
@@ -133,19 +138,41 @@ def _spread(values: Array, means: Array, within: Array) -> Spread:
     )
 
 
-def _bounds(dof: float, memory: float) -> tuple[float, float]:
-    """Bounds of the true over the found standard deviation.
+@dataclass(frozen=True)
+class _Scatter:
+    """Variance between the means of m cycles and within them, each with the variance of its estimate."""
 
-    The innovations of a record are known far better than its memory, so a larger true variance means a
-    longer memory and fewer degrees of freedom: ``dof (found / true)^memory``, `memory` from 0 for independent
-    values to 1. Each bound is the variance at which the one found would be too unlikely.
-    """
+    between: float
+    of_between: float
+    within: float
+    of_within: float
+    cycles: int
+
+    def dof(self, ratio: float) -> float:
+        """Degrees of freedom of the variance found, if the true one is `ratio` times as large.
+
+        The innovations of a record are known far better than its memory. So a larger true variance means a
+        larger one between the cycles and a longer memory there, which leaves fewer degrees of freedom:
+        ``of_between`` grows with the power 2 + p of the variance between, p from 0 (independent means) to 1.
+        """
+        total = self.between + self.within
+        freedom = 2.0 * self.between**2 / max(self.of_between, 1e-300)
+        power = 2.0 + max(0.0, 1.0 - freedom / self.cycles)
+        changed = max(self.between + (ratio - 1.0) * total, 0.05 * self.between)
+        grown = (changed / self.between) ** power if self.between > 0.0 else 1.0
+        of_variance = max(self.of_between * grown + self.of_within, 1e-300)
+        return float(np.clip(2.0 * (ratio * total) ** 2 / of_variance, 1.0, 1e9))
+
+
+def _bounds(scatter: _Scatter) -> tuple[float, float]:
+    """Bounds of the true over the found standard deviation: beyond, the one found would be too unlikely."""
     tail = 0.5 * (1.0 - COVERAGE)
+    usual = scatter.dof(1.0)
     found = []
     for probability in (1.0 - tail, tail):
         ratio = 1.0
         for _ in range(_ROUNDS):
-            freedom = float(np.clip(dof * ratio**-memory, 0.5 * dof, 2.0 * dof))
+            freedom = float(np.clip(scatter.dof(ratio), 0.5 * usual, 2.0 * usual))
             ratio = 0.5 * (ratio + freedom / (2.0 * float(gammaincinv(0.5 * freedom, probability))))
         found.append(float(np.sqrt(ratio)))
     return found[0], found[1]
