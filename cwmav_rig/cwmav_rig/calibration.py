@@ -40,6 +40,8 @@ class TareRun:
         (6,) mean force [N] and moment [N m].
     std
         (6,) standard uncertainty of that mean from the scatter of the samples.
+    temperature
+        Of the sensor [deg C]; None where that of the flapping run at `time` is to be taken.
     """
 
     time: float
@@ -47,6 +49,7 @@ class TareRun:
     angle: float | None = None
     std: Array | None = None
     source: str = ""
+    temperature: float | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,16 +114,22 @@ def to_wind_axes(forward: Array, upward: Array, pitch: float) -> tuple[Array, Ar
 
 def thermal_zero(role: ForceRole, temperature: Series | None, time: Array) -> Array:
     """Shift of the zero with temperature at `time` (n,), (n, 3) [N]; its reference cancels with the tare."""
-    if temperature is None or not len(temperature.values) or not any(role.temperature_coefficient):
+    if temperature is None or not len(temperature.values):
         return np.zeros((len(time), 3))
     kelvin = np.interp(time, temperature.time, temperature.values)
     return np.asarray(np.outer(kelvin, role.temperature_coefficient))
 
 
 def _at_reference(run: TareRun, role: ForceRole, temperature: Series | None) -> TareRun:
+    """Take the shift with temperature off a wind-off run, as off the flapping run."""
+    if temperature is None or not len(temperature.values):
+        return run
+    shift = thermal_zero(role, temperature, np.array([run.time]))[0]
+    if run.temperature is not None:
+        shift = run.temperature * np.array(role.temperature_coefficient)
     wrench = np.array(run.wrench, float)
-    wrench[:3] -= thermal_zero(role, temperature, np.array([run.time]))[0]
-    return TareRun(run.time, wrench, run.angle, run.std, run.source)
+    wrench[:3] -= shift
+    return replace(run, wrench=wrench)
 
 
 def _refused(reason: str) -> Loads:

@@ -95,7 +95,10 @@ def _tare_recording(path: str, topic_map: TopicMap, origin_ns: int) -> TareRun:
         data = load(recording, TopicMap(force=topic_map.force, angle_of_attack=angle, tare="none"))
     if data.force is None or not data.force.good.any():
         raise InputError(f"{path}: tare recording has no force samples")
-    return run_of_block(data.force, data.angle, (data.origin_ns - origin_ns) * 1e-9, Path(path).name)
+    run = run_of_block(data.force, data.angle, (data.origin_ns - origin_ns) * 1e-9, Path(path).name)
+    warm = data.sensor_temperature
+    known = warm is not None and len(warm.values) > 0
+    return replace(run, temperature=float(warm.values.mean())) if known and warm is not None else run
 
 
 class RigReader:

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwmav_common.mcap_io import open_recording
 from cwmav_rig.analysis import analyse
 from cwmav_rig.calibration import TareError, TareRun, zero_for
 from cwmav_rig.synthesis_settings import Artefacts, Instruments, Synthesis
 from cwmav_rig.synthesise import synthesise
-from cwmav_rig.topic_map import from_plain, load_topic_map, resolve
+from cwmav_rig.topic_map import from_plain, load_topic_map
 
 WEIGHT, PITCH, ZERO = 0.167, np.radians(0.8), np.array([0.03, -0.02, 0.05])
 
@@ -126,14 +125,16 @@ def test_names_of_tare_recordings_are_relative_to_the_map(folder):
 
 
 def test_a_warm_sensor_is_corrected_by_its_temperature(tmp_path):
+    """A cold wind-off recording serves a run in which the sensor warms by 2.8 K."""
     hot = replace(SENSOR, thermal=0.004, misalignment_deg=0.0)
-    truth = synthesise(tmp_path / "a.mcap", replace(BASE, artefacts=hot, seconds=40.0))
-    with open_recording(tmp_path / "a.mcap") as recording:
-        known = resolve(recording, None)
-    assert known.force.temperature_coefficient == (0.004, 0.004, 0.004)
-    # With a tare before the run only, the heating is not seen by the tare.
-    with_temperature = analyse(tmp_path / "a.mcap", known)
-    assert with_temperature.lift.mean == pytest.approx(truth.lift_n, abs=1e-3)
+    truth = synthesise(tmp_path / "run.mcap", replace(BASE, artefacts=hot, seconds=40.0))
+    still = replace(BASE, artefacts=hot, run="wind_off", seconds=3.0, seed=9)
+    synthesise(tmp_path / "off.mcap", still)
+    force = {"temperature": "/rig/sensor_temperature", "temperature_coefficient": [0.004] * 3}
+    warm = analyse(tmp_path / "run.mcap", mapped(tmp_path, str(tmp_path / "off.mcap"), **force))
+    assert warm.lift.mean == pytest.approx(truth.lift_n, abs=1e-3)
+    ignored = analyse(tmp_path / "run.mcap", mapped(tmp_path, str(tmp_path / "off.mcap")))
+    assert abs(ignored.lift.mean - truth.lift_n) > 3e-3
 
 
 def test_a_zero_that_runs_away_is_refused(tmp_path):
