@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import Recording, open_recording
-from cwmav_rig import align, power
+from cwmav_rig import power
 from cwmav_rig.airspeed import density
-from cwmav_rig.align_phase import fit_phase, lag_of
 from cwmav_rig.blocks import Block, Series
 from cwmav_rig.budget import Measured, budgets
+from cwmav_rig.clocks import by_flapping
 from cwmav_rig.correlation import correlations
 from cwmav_rig.cycles import Cycles, find_cycles
 from cwmav_rig.loads import Loads, lift_and_drag
@@ -33,8 +33,7 @@ from cwmav_rig.streams import (
     LARGEST_BAD_SHARE,
     aligned,
     broken_cycles,
-    on_one_clock,
-    refuse_bad,
+    checked,
     windowed,
 )
 from cwmav_rig.topic_map import METADATA, TopicMap, resolve
@@ -43,8 +42,6 @@ from cwmav_rig.uncertainty import Spread, spread_of_cycles, spread_of_samples
 __all__ = ["RigReport", "Study", "aligned", "analyse", "analyse_data", "study", "study_data", "windowed"]
 
 Array = NDArray[np.float64]
-WORST_RESIDUAL = 0.2e-3  # s; a clock that fits worse is remarked
-WORST_OFFSET = 20e-3  # s; an offset known no better than this is not used
 
 
 @dataclass(frozen=True)
@@ -125,12 +122,12 @@ def study_data(
     force = data.force
     if force is None:
         raise InputError(f"{source}: no force samples in the window")
-    streams = {"force": force, "power": data.power, "angle_of_attack": data.angle, "wind": data.wind}
-    problems = refuse_bad(source, streams)
+    intermittent = topic_map.power.intermittent
+    data, problems, streams = checked(source, data, intermittent)
     if force.spectrum is not None:
         problems += [f"{source}: force {remark}" for remark in remarks(force.spectrum, force.names)[:2]]
     cycles = _cycles(force, source)
-    data, clocks, clock_notes, clock_remarks = _by_flapping(data, topic_map, cycles, clocks)
+    data, clocks, clock_notes, clock_remarks = by_flapping(data, topic_map, cycles, clocks)
     angle, angle_cycles = _scatter(data.angle, cycles)
     wind, wind_cycles = _scatter(data.wind, cycles)
     loads = lift_and_drag(
@@ -148,14 +145,14 @@ def study_data(
     spreads = {
         name: spread_of_cycles(per_cycle[name])
         for name in ("F", "lift", "drag", "power")
-        if name in per_cycle
+        if name in per_cycle and np.isfinite(per_cycle[name]).any()
     }
     lost = {
         "angle_of_attack": ~angle_cycles,
         "wind": ~wind_cycles,
         "power": _missing(data.power, cycles, values),
     }
-    gone, notes = _too_many_lost(lost)
+    gone, notes = _too_many_lost({k: v for k, v in lost.items() if k != "power" or not intermittent})
     quantities: dict[str, Spread | None] = {
         "flapping_frequency": spreads["F"],
         "angle_of_attack": None if "angle_of_attack" in gone else angle,
@@ -212,57 +209,6 @@ def _cycles(force: Block, source: str) -> Cycles:
             f" at most {LARGEST_BAD_SHARE:.0%} is allowed"
         )
     return cycles
-
-
-def _by_flapping(
-    data: RigData, topic_map: TopicMap, cycles: Cycles, clocks: dict[str, align.ClockFit]
-) -> tuple[RigData, dict[str, align.ClockFit], dict[str, dict[str, Any]], list[str]]:
-    """Align by the flapping what has no trigger edges, and compare with it what has."""
-    streams = {"power": (data.power, "power"), "angle_of_attack": (data.angle, ""), "wind": (data.wind, "")}
-    lags = {
-        "power": topic_map.power.phase_lag_deg,
-        "angle_of_attack": topic_map.angle_of_attack.phase_lag_deg,
-        "wind": None,
-    }
-    found, notes, said = dict(clocks), {}, []
-    for role, (stream, column) in streams.items():
-        if stream is None:
-            continue
-        if role in clocks:
-            notes[role] = _checked(cycles, stream, column, clocks[role])
-            if clocks[role].residual > WORST_RESIDUAL:
-                said.append(f"clock of {role}: trigger edges scatter by {clocks[role].residual * 1e3:.2f} ms")
-            continue
-        lag = lags[role]
-        fit = fit_phase(cycles.bounds, stream, column, None if lag is None else float(np.radians(lag)))
-        if fit is None or fit.offset_std > WORST_OFFSET:
-            notes[role] = {"method": "none"}
-            said.append(f"clock of {role}: no trigger edges and no clear flapping in it; taken as it is")
-            continue
-        found[role] = fit.clock
-        notes[role] = {
-            "method": "flapping",
-            "offset_std_s": fit.offset_std,
-            "phase_lag_deg": float(np.degrees(fit.lag)),
-        }
-        said.append(
-            f"clock of {role}: aligned by the flapping, offset {fit.clock.offset * 1e3:+.2f}"
-            f" +- {fit.offset_std * 1e3:.2f} ms"
-        )
-    added = {role: clock for role, clock in found.items() if role not in clocks}
-    return on_one_clock(data, added), found, notes, said
-
-
-def _checked(cycles: Cycles, stream: Block | Series, column: str, clock: align.ClockFit) -> dict[str, Any]:
-    note: dict[str, Any] = {"method": "trigger", "offset_std_s": clock.offset_std}
-    lag, fit = lag_of(cycles.bounds, stream, column), fit_phase(cycles.bounds, stream, column)
-    if lag is not None and fit is not None:
-        note |= {
-            "phase_lag_deg": float(np.degrees(lag[0])),
-            "by_flapping_s": fit.clock.offset,
-            "by_flapping_std_s": fit.offset_std,
-        }
-    return note
 
 
 def _origin(recording: Recording) -> tuple[bool, str]:

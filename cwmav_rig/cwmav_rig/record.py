@@ -23,7 +23,7 @@ from cwmav_rig.instruments.settings import BenchSettings
 from cwmav_rig.topic_map import METADATA, TopicMap, load_topic_map
 
 STEP = 0.1  # s
-CHUNK = 1 << 18  # bytes; what a lost power supply can cost
+CHUNK = 1 << 16  # bytes; what a lost power supply can cost
 
 
 class LiveRecorder:
@@ -49,13 +49,13 @@ class LiveRecorder:
         folder = not path.suffix
         if path.exists():
             raise InputError(f"{path}: exists; recordings are never written over")
-        self._file = path / f"{path.name}_0.mcap" if folder else path
+        self.file = path / f"{path.name}_0.mcap" if folder else path
         try:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self.file.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{self._file.parent}: cannot be made ({error.strerror or error})") from None
+            raise InputError(f"{self.file.parent}: cannot be made ({error.strerror or error})") from None
         self._folder = folder
-        self._writer: BagWriter | None = BagWriter(self._file, chunk_size=CHUNK)
+        self._writer: BagWriter | None = BagWriter(self.file, chunk_size=CHUNK)
         about = {name: {"name": identity.name, **identity.details} for name, identity in identities.items()}
         self._writer.add_metadata(
             METADATA,
@@ -87,7 +87,7 @@ class LiveRecorder:
         self._writer.close()
         self._writer = None
         if self._folder:
-            with open_recording(self._file) as recording:
+            with open_recording(self.file) as recording:
                 write_rosbag2_metadata(self.path, recording, {})
 
 
@@ -99,7 +99,10 @@ def live_topic_map(bench: BenchSettings) -> dict[str, Any]:
     mapped = replace(
         known,
         force=replace(known.force, topic=topics.FORCE if bench.force.host else ""),
-        power=replace(known.power, topic=topics.POWER if bench.oscilloscope.resource else ""),
+        # An oscilloscope is blind between its captures.
+        power=replace(
+            known.power, topic=topics.POWER if bench.oscilloscope.resource else "", intermittent=True
+        ),
         angle_of_attack=replace(known.angle_of_attack, topic=kept if camera else ""),
         wind=replace(known.wind, topic=topics.WIND if bench.tunnel.resource else ""),
     )

@@ -75,28 +75,61 @@ def _cut_series(data: Series, begin: float, end: float) -> Series:
     return replace(data, time=data.time[keep], values=data.values[keep])
 
 
-def refuse_bad(source: str, streams: Mapping[str, Block | Series | None]) -> list[str]:
-    """Say what was masked.
+def checked(
+    source: str, data: RigData, intermittent: bool = False
+) -> tuple[RigData, list[str], dict[str, Block | Series | None]]:
+    """Take out what is too bad to use, and say what was masked.
+
+    Parameters
+    ----------
+    intermittent
+        Gaps in the power are the pauses between captures and no fault.
+
+    Returns
+    -------
+    RigData
+        Without the streams that are refused.
+    list of str
+        What a person should know.
+    dict
+        All streams by name as they came, for their counts.
 
     Raises
     ------
     InputError
-        More than 10 % of a stream is missing or unusable.
+        More than 10 % of the force is missing or unusable; without it there are no cycles.
     """
-    notes = []
+    streams: dict[str, Block | Series | None] = {
+        "force": data.force,
+        "power": data.power,
+        "angle_of_attack": data.angle,
+        "wind": data.wind,
+    }
+    notes, refused = [], set()
     for name, stream in streams.items():
         if stream is None:
             notes.append(f"{source}: {name} is not recorded")
             continue
         faults = ", ".join(f"{count} {fault}" for fault, count in sorted(stream.faults.items()))
-        if stream.bad_fraction > LARGEST_BAD_SHARE:
-            raise InputError(
+        forgiven = intermittent and name == "power"
+        if stream.bad_fraction > LARGEST_BAD_SHARE and not forgiven:
+            refusal = (
                 f"{source}: {stream.bad_fraction:.0%} of the {name} samples are missing or unusable"
                 f" ({faults}); at most {LARGEST_BAD_SHARE:.0%} is allowed"
             )
-        if stream.bad:
+            if name == "force":
+                raise InputError(refusal)
+            notes.append(f"{refusal}; {name} is refused")
+            refused.add(name)
+        elif stream.bad:
             notes.append(f"{source}: {stream.bad} of {stream.samples} {name} samples masked ({faults})")
-    return notes
+    kept = replace(
+        data,
+        power=None if "power" in refused else data.power,
+        angle=None if "angle_of_attack" in refused else data.angle,
+        wind=None if "wind" in refused else data.wind,
+    )
+    return kept, notes, streams
 
 
 def broken_cycles(stream: Series, bounds: Array) -> NDArray[np.bool_]:

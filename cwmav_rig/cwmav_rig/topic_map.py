@@ -80,6 +80,9 @@ class PowerRole:
     """Electrical power in one topic."""
 
     topic: str = setting("", "topic that carries voltage and current; empty when not recorded")
+    intermittent: bool = setting(
+        False, "gaps are pauses between captures: the cycles that lie within captures are used"
+    )
     current_delay: float = setting(
         0.0, "time by which the current channel lags the voltage channel", unit="s", ge=-0.01, le=0.01
     )

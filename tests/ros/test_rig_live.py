@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cwmav_msgs.msg import PowerBlock, WrenchBlock
+from cwmav_msgs.srv import EstimateUncertainty
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
@@ -136,6 +137,10 @@ def test_live_instruments_stream_are_told_of_and_recorded(ros: Ros, bench: Bench
     assert float(told["rate [Hz]"]) == pytest.approx(2000.0, rel=0.3)
     assert float(told["age [s]"]) < 1.0
     assert "loss [%]" in told
+    wait_for(lambda: rig._live.recording.stat().st_size > 300_000, "some seconds of recording")
+    answer = ros.call(EstimateUncertainty, "rig/estimate_uncertainty")  # of what is recorded so far
+    assert answer.success, answer.message
+    assert answer.estimate.flapping_frequency_mean == pytest.approx(12.0, abs=0.1)
     assert change(ros, Transition.TRANSITION_DEACTIVATE)
     (folder,) = (tmp_path / "runs").iterdir()
     with open_recording(folder) as recorded:

@@ -31,7 +31,7 @@ class OscilloscopeSettings:
     """Oscilloscope that speaks SCPI; the defaults are the waveform commands of Keysight and Rigol.
 
     A capture is armed, waited for and read, again and again. What the scope does not see in between counts
-    as lost; captures that cover less than 90 % of the time are refused by the analysis.
+    as lost; the analysis uses the flapping cycles that lie within captures, so they should last many.
     """
 
     resource: str = setting("", "VISA resource, such as TCPIP::192.168.1.5::INSTR; empty: not on the bench")

@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cwmav_msgs.msg import UncertaintyEstimate
-from cwmav_msgs.srv import EstimateUncertainty, EvaluatePower
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -25,17 +22,13 @@ from std_srvs.srv import Trigger
 from cwmav_common.errors import CwmavError, InputError
 from cwmav_common.mcap_io import open_recording
 from cwmav_common.ros.calls import CallQueue
-from cwmav_common.ros.codecs import nanoseconds, point_array, time_message
-from cwmav_common.ros.deferred import create_deferred_service
+from cwmav_common.ros.codecs import nanoseconds, time_message
 from cwmav_common.ros.diagnostics import Diagnostics, Health
 from cwmav_common.ros.main import main as run_main
 from cwmav_common.ros.parameters import Parameters
-from cwmav_common.ros.qos import LATCHED
-from cwmav_common.workers import Job, WorkerPool
 from cwmav_rig.live import CycleEvent
-from cwmav_rig.power_model import PowerModel
 from cwmav_rig.replay import Player
-from cwmav_rig.ros import codecs
+from cwmav_rig.ros.answers import Answers
 from cwmav_rig.ros.follow import CycleFollower
 from cwmav_rig.ros.live import LiveBench, check_bench
 from cwmav_rig.ros.player_services import Pause, Resume, Seek, SetRate
@@ -50,7 +43,6 @@ SUCCESS, FAILURE, ERROR = (
     TransitionCallbackReturn.FAILURE,
     TransitionCallbackReturn.ERROR,
 )
-POWER_FIDELITIES = ("", "recorded")
 
 
 class RigNode(LifecycleNode):
@@ -70,13 +62,13 @@ class RigNode(LifecycleNode):
         **options: Any,
     ) -> None:
         super().__init__("rig", **options)
-        self._analyse, self._load_power = analyse, load_power
         self.parameters = Parameters(self, RigSettings, check=self._check, on_change=self._on_change)
         settings = self.settings
-        self._pool = WorkerPool(1, "cwmav_rig worker")
         self._calls = CallQueue(self)
         self._publisher = RigPublisher(self, settings.wrench_rate, settings.tare_seconds)
-        self._uncertainty = self.create_publisher(UncertaintyEstimate, "~/uncertainty", LATCHED)
+        self._answers = Answers(
+            self, self._calls, lambda: self.settings, self._current_recording, analyse, load_power
+        )
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10)
         self._player: Player | None = None
         self._live: LiveBench | None = None
@@ -84,14 +76,12 @@ class RigNode(LifecycleNode):
         self._cycles = CycleFollower(lambda event: self._calls.post(lambda: self._take_cycle(event)))
         self._loops = 0
         self._opened: tuple[str, str] = ("", "")
-        self._power: Job | None = None
-        self._power_path: tuple[str, str] = ("", "")
-        self._counts = {"messages replayed": 0, "messages live": 0, "cycles": 0, "refused": 0, "failed": 0}
+        self._counts = {"messages replayed": 0, "messages live": 0, "cycles": 0}
         self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._offer_services()
         self._diagnostics = Diagnostics(self, "cwmav rig")
         self._diagnostics.add("replay", self._health)
-        self._power_job()
+        self._answers.power_job()
         if settings.autostart and self.trigger_configure() == SUCCESS:
             self.trigger_activate()
 
@@ -103,7 +93,7 @@ class RigNode(LifecycleNode):
     def close(self) -> None:
         """Stop replay and work."""
         self._timer.cancel()
-        self._pool.close()
+        self._answers.close()
         self._cycles.close()
         self._calls.close()
         self._disconnect()
@@ -114,17 +104,6 @@ class RigNode(LifecycleNode):
         self.create_service(Seek, "~/seek", self._seek)
         self.create_service(SetRate, "~/set_rate", self._set_rate)
         self.create_service(Trigger, "~/tare", self._tare)
-        create_deferred_service(
-            self, EvaluatePower, "~/evaluate_power", self._evaluate_power, self._no_power, self._calls
-        )
-        create_deferred_service(
-            self,
-            EstimateUncertainty,
-            "~/estimate_uncertainty",
-            self._estimate_uncertainty,
-            self._no_uncertainty,
-            self._calls,
-        )
 
     # --- life cycle ----------------------------------------------------------------------------------------
 
@@ -239,7 +218,7 @@ class RigNode(LifecycleNode):
             self._player.loop = settings.loop
             if settings.rate != self._player.rate:
                 self._player.set_rate(settings.rate)
-        self._power_job()
+        self._answers.power_job()
 
     # --- replay --------------------------------------------------------------------------------------------
 
@@ -357,68 +336,21 @@ class RigNode(LifecycleNode):
             response.message, response.success = str(error), False
         return response
 
-    # --- power ---------------------------------------------------------------------------------------------
-
-    def _power_job(self) -> Job:
-        """Give the loading of the power model, started again when its parameters changed."""
-        wanted = (self.settings.power_model, self.settings.topic_map)
-        if self._power is None or wanted != self._power_path:
-            self._power_path = wanted
-            self._power = self._pool.submit(self._load_power, *wanted)
-        return self._power
-
-    def _evaluate_power(self, request: EvaluatePower.Request) -> Future[EvaluatePower.Response]:
-        if request.fidelity not in POWER_FIDELITIES:
-            raise InputError(f"fidelity is '{request.fidelity}'; allowed: recorded, or empty")
-        point = point_array(request.point)
-
-        def answer(model: PowerModel) -> EvaluatePower.Response:
-            return codecs.power_response(model.predict(*point.tolist()))
-
-        return _then(self._power_job().future, answer)
-
-    def _no_power(self, error: BaseException) -> EvaluatePower.Response:
-        self._note("evaluate_power", error)
-        return codecs.no_power(error)
-
-    # --- scatter -------------------------------------------------------------------------------------------
-
-    def _estimate_uncertainty(self, request: EstimateUncertainty.Request) -> Future[Any]:
-        recording = request.recording or self.settings.recording
-        if not recording and self._live is not None and self._live.recording is not None:
-            recording = str(self._live.recording)
-        if not recording:
-            raise InputError("no recording is named and none is loaded; give 'recording'")
-        start, duration = request.window_start, request.window_duration
-        if start < 0 or duration < 0:
-            raise InputError(f"window_start {start:g} s, window_duration {duration:g} s; allowed: >= 0")
-        window = None
-        if start > 0 or duration > 0:
-            window = (start, start + duration if duration > 0 else float("inf"))
-        job = self._pool.submit(self._analyse, recording, self.settings.topic_map, window)
-        return _then(job.future, self._report)
-
-    def _report(self, report: Any) -> EstimateUncertainty.Response:
-        response = codecs.uncertainty_response(report)
-        self._calls.post(lambda: self._uncertainty.publish(response.estimate))
-        return response
-
-    def _no_uncertainty(self, error: BaseException) -> EstimateUncertainty.Response:
-        self._note("estimate_uncertainty", error)
-        return codecs.no_uncertainty(error)
-
     # --- health --------------------------------------------------------------------------------------------
 
-    def _note(self, service: str, error: BaseException) -> None:
-        self._counts["refused" if isinstance(error, InputError) else "failed"] += 1
-        self.get_logger().warning(f"{service}: {error}")
+    def _current_recording(self) -> str:
+        """Name what is replayed, or recorded from live instruments; empty when neither."""
+        if self._live is not None and self._live.recording is not None:
+            return str(self._live.recording)
+        return self.settings.recording
 
     def _health(self) -> Health:
         player = self._player
         values: dict[str, Any] = {
             **self._counts,
+            **self._answers.counts,
             **self._publisher.skipped,
-            "worker deaths": self._pool.deaths,
+            "worker deaths": self._answers.pool.deaths,
         }
         if self._trouble:
             return Health(self._trouble, "error", values)
@@ -436,20 +368,6 @@ class RigNode(LifecycleNode):
             notes = [*problems, *(f"{what} is not published" for what in self._publisher.skipped)]
             return Health(f"{state}; {'; '.join(notes)}", "warn", values)
         return Health(f"{state}, {player.position:.1f} of {player.duration:.1f} s", values=values)
-
-
-def _then(source: Future[Any], take: Callable[[Any], Any]) -> Future[Any]:
-    """Give a future of ``take(result)``; several may wait for one source."""
-    result: Future[Any] = Future()
-
-    def pass_on(done: Future[Any]) -> None:
-        try:
-            result.set_result(take(done.result()))
-        except Exception as error:
-            result.set_exception(error)
-
-    source.add_done_callback(pass_on)
-    return result
 
 
 def main() -> None:

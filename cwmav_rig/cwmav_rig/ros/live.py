@@ -54,8 +54,8 @@ class LiveBench:
 
     @property
     def recording(self) -> Path | None:
-        """What is being recorded."""
-        return None if self._recorder is None else self._recorder.path
+        """The file that is being written."""
+        return None if self._recorder is None else self._recorder.file
 
     def start(self, folder: str) -> None:
         """Begin to stream, and to record into `folder`; an empty name records nothing."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwmav_rig.analysis import analyse, study
+from cwmav_rig.analysis import analyse, study, study_data
 from cwmav_rig.blocks import Block
 from cwmav_rig.budget import Budget, Row
 from cwmav_rig.correlation import correlations
@@ -197,13 +197,28 @@ def test_long_gaps_of_the_camera_spoil_their_cycles_and_too_many_refuse_the_angl
     time = with_gaps.data.angle.time
     holes = replace(with_gaps.data.angle, time=time[np.mod(time, 0.5) > 0.05])
     holes = replace(holes, values=holes.time * 0.0 + 0.26)
-    from cwmav_rig.analysis import study_data
-
     data = replace(with_gaps.data, angle=holes)
     found = study_data(data, with_gaps.topic_map, source="holes").report
     assert found.angle_of_attack is None
     assert found.rejected["cycles_of_stream"]["angle_of_attack"] > 8
     assert any("angle_of_attack: refused," in problem for problem in found.problems)
+
+
+def test_captures_with_pauses_give_the_power_of_their_cycles(small_bag):
+    found = study(small_bag)
+    block = found.data.power
+    holes = np.mod(block.time, 1.0) > 0.6
+    values = np.where(holes[:, None], np.nan, block.values)
+    paused = replace(block, values=values, samples=len(values), bad=int(holes.sum()))
+    data = replace(found.data, power=paused)
+    refused = study_data(data, found.topic_map, source="paused").report
+    assert refused.power is None
+    assert any("power is refused" in problem for problem in refused.problems)
+    assert refused.lift.mean == pytest.approx(found.report.lift.mean)
+    role = replace(found.topic_map.power, intermittent=True)
+    used = study_data(data, replace(found.topic_map, power=role), source="paused").report
+    assert used.power.mean == pytest.approx(found.report.power.mean, rel=0.01)
+    assert used.rejected["cycles_of_stream"]["power"] > 20
 
 
 def test_pictures_and_tables_are_written(small_bag, tmp_path):
