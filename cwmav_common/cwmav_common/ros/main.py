@@ -16,6 +16,8 @@ from rclpy.signals import SignalHandlerOptions
 from cwmav_common.cli import message
 from cwmav_common.errors import CwmavError
 
+_STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
 
 def run(make: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """Spin the node that `make` gives until SIGINT or SIGTERM; give the exit status.
@@ -27,7 +29,7 @@ def run(make: Callable[[], Node], arguments: Sequence[str] | None = None) -> int
     until the node has closed, so its last words (ended goals, final diagnostics) still get out.
     """
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _STOP_SIGNALS:
         signal.signal(number, lambda *_: stop.set())
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -44,8 +46,15 @@ def run(make: Callable[[], Node], arguments: Sequence[str] | None = None) -> int
 
 
 def main(make: Callable[[], Node]) -> None:
-    """Run the node and exit with its status."""
-    raise SystemExit(run(make, sys.argv))
+    """Run the node and exit with its status.
+
+    A launch system and the terminal may both ask it to stop; the second signal must not kill the interpreter
+    while it shuts down, so that the exit status still tells how the node ended.
+    """
+    status = run(make, sys.argv)
+    for number in _STOP_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    raise SystemExit(status)
 
 
 def _spin(node: Node, stop: threading.Event) -> int:
