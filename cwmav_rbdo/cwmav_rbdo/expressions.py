@@ -128,7 +128,7 @@ def compile_function(text: object, known: Iterable[str], source: str) -> Functio
 
     Parameters
     ----------
-    text : formula or ``python:package.module:function``
+    text : formula, ``python:package.module:function``, or the function itself
     known : names that will be present when it is evaluated
     source : how an error message should call the place it was read from
 
@@ -138,12 +138,20 @@ def compile_function(text: object, known: Iterable[str], source: str) -> Functio
         The text is no arithmetic, uses an unknown name or function, or the reference cannot be imported.
     """
     names = tuple(known)
+    if callable(text):
+        return Reference(reference_text(text), text, _arguments(text, names, reference_text(text), source))
     if not isinstance(text, str | int | float) or isinstance(text, bool):
         raise InputError(f"{source}: {text!r} is no formula; expected text such as 'b*h**2 - 3'")
     text = str(text).strip()
     if text.startswith("python:"):
         return _reference(text, names, source)
     return Expression(text, _names_used(text, names, source))
+
+
+def reference_text(function: Callable[..., object]) -> str:
+    """Name a function as a problem file would; only what a module holds can be found by it again."""
+    name = getattr(function, "__qualname__", type(function).__name__)
+    return f"python:{getattr(function, '__module__', '?')}:{name}"
 
 
 def _names_used(text: str, known: Sequence[str], source: str) -> tuple[str, ...]:

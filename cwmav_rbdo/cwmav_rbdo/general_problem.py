@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,14 @@ from cwmav_rbdo.wing_problem import METHODS, DesignVariable, SurrogateSettings
 Array = NDArray[np.float64]
 DISTRIBUTIONS = ("normal", "lognormal", "uniform", "gumbel")
 KINDS = ("rbdo", "reliability", "global")
+RELIABILITY_METHODS = (
+    "active_learning",
+    "monte_carlo",
+    "importance_sampling",
+    "subset_simulation",
+    "line_sampling",
+    "form",
+)
 
 
 @dataclass(frozen=True)
@@ -36,12 +45,18 @@ class RandomVariable:
     name: str = setting(..., "name")
     mean: float | str = setting(..., "mean, or the name of the design variable that is the mean")
     dist: str = setting("normal", "distribution", choices=DISTRIBUTIONS)
-    std: float | None = setting(None, "standard deviation", gt=0)
+    std: float | str | None = setting(None, "standard deviation > 0, or a formula of the design variables")
     cov: float | None = setting(None, "standard deviation divided by the mean", gt=0)
 
     def __post_init__(self) -> None:
         if (self.std is None) == (self.cov is None):
             raise InputError(f"random variable {self.name}: give exactly one of std and cov")
+        if isinstance(self.std, int | float) and not self.std > 0:
+            raise InputError(f"random variable {self.name}: std is {self.std}; allowed: numbers > 0")
+        if self.dist not in DISTRIBUTIONS:
+            raise InputError(
+                f"random variable {self.name}: dist is '{self.dist}'; allowed: {', '.join(DISTRIBUTIONS)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -68,6 +83,10 @@ class GeneralProblem:
         None, "required reliability, one or per constraint"
     )
     max_true_evaluations: int = setting(200, "budget of evaluated points", ge=4, le=1000000)
+    reliability_method: str = setting(
+        "active_learning",
+        f"kind reliability: {', '.join(RELIABILITY_METHODS)}, or python:package.module:function of your own",
+    )
     method: str = setting(
         "default",
         "new samples of kind rbdo; zhang2026 and classical are the paper's rules, for comparison",
@@ -176,13 +195,16 @@ def _compile(problem: GeneralProblem) -> Functions:
         ):
             design_lets.append((name, function))
             design_known.append(name)
-    text = problem.objective.strip()
-    sign = -1.0 if text.startswith(("maximise:", "maximize:")) else 1.0
-    text = text.partition(":")[2] if sign < 0 else text
+    objective: Any = problem.objective
+    sign = 1.0
+    if isinstance(objective, str):
+        objective = objective.strip()
+        sign = -1.0 if objective.startswith(("maximise:", "maximize:")) else 1.0
+        objective = objective.partition(":")[2] if sign < 0 else objective
     return Functions(
         lets=tuple(lets),
         design_lets=tuple(design_lets),
-        objective=compile_function(text, design_known, "objective") if text else None,
+        objective=compile_function(objective, design_known, "objective") if objective else None,
         sign=sign,
         constraints=tuple(
             compile_function(g, known, f"constraints[{k}]") for k, g in enumerate(problem.constraints)
@@ -210,6 +232,8 @@ def _check_names(problem: GeneralProblem) -> None:
                 f"random variable {variable.name}: mean '{variable.mean}' is no number and no design "
                 f"variable; design variables: {allowed}"
             )
+        if isinstance(variable.std, str):
+            compile_function(variable.std, problem.names, f"random variable {variable.name}: std")
     random_names = [v.name for v in problem.random]
     for a, b, rho in problem.corr:
         if a not in random_names or b not in random_names or a == b or not -1 < rho < 1:
@@ -220,7 +244,12 @@ def _check_names(problem: GeneralProblem) -> None:
 
 
 def _check_shape(problem: GeneralProblem) -> None:
-    kind = problem.kind
+    kind, method = problem.kind, problem.reliability_method
+    if method not in RELIABILITY_METHODS and not method.startswith("python:"):
+        allowed = ", ".join(RELIABILITY_METHODS)
+        raise InputError(
+            f"reliability_method is '{method}'; allowed: {allowed}, or python:package.module:function"
+        )
     wants = {
         "rbdo": (True, True, True, True),
         "reliability": (False, True, False, True),

@@ -15,6 +15,7 @@ import yaml
 from cwmav_common.cli import plain
 from cwmav_common.errors import InputError
 from cwmav_common.settings import from_mapping, read_yaml, to_mapping
+from cwmav_rbdo.expressions import reference_text
 from cwmav_rbdo.general_problem import KINDS, GeneralProblem
 from cwmav_rbdo.wing_problem import WingProblem
 
@@ -81,8 +82,17 @@ def parse_text(text: str) -> Problem:
 
 def problem_mapping(problem: Problem) -> dict[str, Any]:
     """Give the resolved problem as plain values; :func:`parse_problem` reads them back."""
-    mapping: dict[str, Any] = plain(to_mapping(problem))
+    mapping: dict[str, Any] = plain(_named(to_mapping(problem)))
     return mapping
+
+
+def _named(value: Any) -> Any:
+    """Put the name of every function of the user's in its place."""
+    if isinstance(value, dict):
+        return {key: _named(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_named(item) for item in value]
+    return reference_text(value) if callable(value) else value
 
 
 def digest(problem: Problem) -> str:

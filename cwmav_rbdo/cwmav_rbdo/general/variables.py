@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from cwmav_common.errors import InputError
+from cwmav_rbdo.expressions import compile_function
 from cwmav_rbdo.general_problem import GeneralProblem, RandomVariable
 from cwmav_rbdo.space import checked_bounds
 
@@ -32,6 +33,12 @@ class RandomSpace:
         self._random = problem.random
         self._design = problem.names
         self._factor = _copula_factor(problem)
+        self._spread = [
+            compile_function(v.std, problem.names, f"random variable {v.name}: std")
+            if isinstance(v.std, str)
+            else None
+            for v in problem.random
+        ]
         self._direct = [k for k, name in enumerate(problem.names) if name in _used_directly(problem)]
         self.dimension = len(problem.random)
         self.names = (*(v.name for v in problem.random), *(problem.names[k] for k in self._direct))
@@ -47,7 +54,7 @@ class RandomSpace:
                 if isinstance(variable.mean, str)
                 else np.full(len(U), variable.mean)
             )
-            columns.append(_transformed(variable, mean, Z[:, k]))
+            columns.append(_transformed(variable, mean, self._std(k, mean, D), Z[:, k]))
         return np.column_stack([*columns, *(D[:, k] for k in self._direct)])
 
     def box(self, lower: Array, upper: Array) -> tuple[Array, Array]:
@@ -58,6 +65,21 @@ class RandomSpace:
             for bound in (lower, upper)
         ]
         return checked_bounds(np.min(corners, axis=0), np.max(corners, axis=0))
+
+    def _std(self, k: int, mean: Array, D: Array) -> Array:
+        """Give the standard deviation of variable `k`: fixed, proportional to the mean, or a formula."""
+        variable, formula = self._random[k], self._spread[k]
+        if formula is not None:
+            std = formula(dict(zip(self._design, D.T, strict=True)))
+            if not np.all(np.isfinite(std) & (std > 0.0)):
+                raise InputError(
+                    f"random variable {variable.name}: std '{variable.std}' gives {std[~(std > 0.0)][0]:g}; "
+                    "allowed: numbers > 0"
+                )
+            return std
+        if isinstance(variable.std, int | float):
+            return np.full_like(mean, variable.std)
+        return np.abs(mean) * (variable.cov or 0.0)
 
     def _standard(self, z: float) -> Array:
         """Give the standard normal point (1, m) that the copula maps to `z` in every variable."""
@@ -70,10 +92,7 @@ def evaluated_names(problem: GeneralProblem) -> tuple[str, ...]:
     return problem.names if problem.kind == "global" else RandomSpace(problem).names
 
 
-def _transformed(variable: RandomVariable, mean: Array, z: Array) -> Array:
-    std = (
-        np.full_like(mean, variable.std) if variable.std is not None else np.abs(mean) * (variable.cov or 0.0)
-    )
+def _transformed(variable: RandomVariable, mean: Array, std: Array, z: Array) -> Array:
     if variable.dist == "normal":
         return mean + std * z
     if variable.dist == "lognormal":
