@@ -28,7 +28,7 @@ from cwmav_rig.loads import Loads, lift_and_drag
 from cwmav_rig.raw_spectrum import remarks
 from cwmav_rig.report import RigReport
 from cwmav_rig.sources.mcap import RigData, load
-from cwmav_rig.spectra import mount_resonance, power_spectrum
+from cwmav_rig.spectra import mains_collision, mount_resonance, power_spectrum
 from cwmav_rig.streams import (
     LARGEST_BAD_SHARE,
     aligned,
@@ -127,6 +127,10 @@ def study_data(
     if force.spectrum is not None:
         problems += [f"{source}: force {remark}" for remark in remarks(force.spectrum, force.names)[:2]]
     cycles = _cycles(force, source)
+    flapping = float(np.mean(cycles.frequency[cycles.good]))
+    spectra = [found for name in ("fx", "fz") if (found := power_spectrum(force, name)) is not None]
+    collision = mains_collision(spectra, flapping)
+    problems += [f"{source}: pick-up stays in the force, {collision}"] if collision else []
     data, clocks, clock_notes, clock_remarks = by_flapping(data, topic_map, cycles, clocks)
     angle, angle_cycles = _scatter(data.angle, cycles)
     wind, wind_cycles = _scatter(data.wind, cycles)
@@ -183,7 +187,7 @@ def study_data(
         clock_notes=clock_notes,
         correlations=correlations(per_cycle),
         budgets=table,
-        mount_resonance=_resonance(force, float(spreads["F"].mean)),
+        mount_resonance=mount_resonance(spectra, flapping),
         air_density=_density(data, topic_map),
         channel_delay=None if data.power is None else power.channel_delay(data.power, cycles.bounds),
     )
@@ -243,11 +247,6 @@ def _cycle_values(
     counts = np.bincount(owner[inside], minlength=m)
     sums = np.bincount(owner[inside], factor * stream.values[inside], m)
     return np.where(whole & (counts > 0), sums / np.maximum(counts, 1), np.nan)
-
-
-def _resonance(force: Block, flapping: float) -> float | None:
-    found = [power_spectrum(force, name) for name in ("fx", "fz")]
-    return mount_resonance([spectrum for spectrum in found if spectrum is not None], flapping)
 
 
 def _density(data: RigData, topic_map: TopicMap) -> float | None:

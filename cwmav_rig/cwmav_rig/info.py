@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ class BagInfo:
         Type, count, rate [Hz] and suggested role per topic.
     gaps
         Pauses without any message, longer than a second: begin [s] and length [s].
+    instruments
+        What the instruments of a live recording said they are.
     """
 
     path: str
@@ -36,6 +39,7 @@ class BagInfo:
     duration: float
     start_ns: int
     problems: tuple[str, ...]
+    instruments: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Give the keys of the public contract and some more."""
@@ -50,6 +54,7 @@ class BagInfo:
             "duration_s": self.duration,
             "start_time_ns": self.start_ns,
             "problems": list(self.problems),
+            "instruments": self.instruments,
         }
 
     def lines(self) -> Iterator[str]:
@@ -59,6 +64,8 @@ class BagInfo:
         for name, topic in self.topics.items():
             role = f"   -> {topic['role']}" if topic["role"] else ""
             yield f"  {name:32s} {topic['type']:48s} {topic['count']:9d}  {topic['rate_hz']:10.2f} Hz{role}"
+        for name, identity in self.instruments.items():
+            yield f"  {name} was {identity}"
         for gap in self.gaps:
             yield f"  nothing recorded from {gap['begin_s']:.2f} s for {gap['length_s']:.2f} s"
         for problem in self.problems:
@@ -90,6 +97,7 @@ def describe(path: str | Path) -> BagInfo:
             duration=duration,
             start_ns=start,
             problems=tuple(problems),
+            instruments=_instruments(recording),
         )
 
 
@@ -104,6 +112,14 @@ def _topics(recording: Recording, duration: float) -> dict[str, dict[str, Any]]:
         }
         for name, topic in recording.topics.items()
     }
+
+
+def _instruments(recording: Recording) -> dict[str, str]:
+    try:
+        told = json.loads(recording.metadata.get(METADATA, {}).get("instruments", "{}"))
+        return {str(name): str(about["name"]) for name, about in told.items()}
+    except (ValueError, AttributeError, TypeError, KeyError):
+        return {}  # somebody else's metadata of the same name
 
 
 def _gaps(recording: Recording, start: int) -> Iterator[dict[str, float]]:

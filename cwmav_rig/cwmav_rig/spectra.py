@@ -21,6 +21,7 @@ SEGMENT = 8.0  # s
 BINS = 50
 BESIDE = 0.2  # of the flapping frequency: beyond it a multiple does not reach
 LOWEST_RESONANCE, HIGHEST_RESONANCE = 30.0, 300.0  # Hz, where a mount may ring
+ON_HARMONIC = 0.05  # of the flapping frequency: so near two lines are one, F wanders by as much
 STANDS_OUT = 10.0  # times the median density between the lines
 LARGEST = 4000  # values behind a kernel density
 
@@ -94,6 +95,31 @@ def mount_resonance(spectra: Sequence[PowerSpectrum], flapping: float) -> float 
     peak = int(np.argmax(level))
     inner = 5 <= peak < len(level) - 5
     return float(places[peak]) if inner and level[peak] > STANDS_OUT * float(np.median(level)) else None
+
+
+def mains_collision(spectra: Sequence[PowerSpectrum], flapping: float) -> str:
+    """Say when the mains lie on a multiple of the flapping frequency [Hz], so that they cannot be told apart.
+
+    Which mains there are shows in their third harmonic; empty without a collision or without that line.
+    """
+    for mains in (50.0, 60.0):
+        multiple = round(mains / flapping)
+        if abs(mains / flapping - multiple) < ON_HARMONIC and _shows(spectra, 3.0 * mains):
+            return (
+                f"{mains:g} Hz of the mains is {multiple} times the flapping frequency of {flapping:.2f} Hz"
+            )
+    return ""
+
+
+def _shows(spectra: Sequence[PowerSpectrum], line: float) -> bool:
+    for spectrum in spectra:
+        beside = np.abs(spectrum.frequency - line)
+        near, around = beside < 0.3, (beside > 2.0) & (beside < 15.0)
+        if near.any() and around.any():
+            usual = float(np.median(spectrum.density[around]))
+            if float(spectrum.density[near].max()) > STANDS_OUT * usual > 0.0:
+                return True
+    return False
 
 
 def probability_density(values: Array) -> ProbabilityDensity | None:

@@ -140,6 +140,17 @@ def test_folded_lines_are_seen_and_quiet_records_are_not_accused(tmp_path):
         assert report.mount_resonance == pytest.approx(75.0, abs=4.0)
 
 
+@pytest.mark.parametrize(
+    ("frequency", "mains", "said"), [(12.5, 50.0, True), (12.0, 60.0, True), (12.0, 50.0, False)]
+)
+def test_mains_on_a_harmonic_is_said(tmp_path, frequency, mains, said):
+    artefacts = Artefacts(mains_frequency=mains)
+    settings = replace(SMALL, seconds=10.0, flapping_frequency=frequency, artefacts=artefacts)
+    synthesise(tmp_path / "a.mcap", settings)
+    problems = analyse(tmp_path / "a.mcap").problems
+    assert any(f"{mains:g} Hz of the mains is" in problem for problem in problems) == said
+
+
 def test_the_raw_spectrum_does_not_depend_on_how_samples_come():
     data = np.random.default_rng(4).standard_normal((20_000, 2))
     index = np.arange(20_000)

@@ -16,6 +16,7 @@ from cwmav_common import interfaces
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import open_recording
 from cwmav_rig import cli
+from cwmav_rig.info import describe
 from cwmav_rig.instruments import BenchSettings, InstrumentError, Session, load_bench
 from cwmav_rig.instruments.camera import FolderCamera, StreamCamera
 from cwmav_rig.instruments.net_ft import SampleClock
@@ -337,6 +338,7 @@ def test_everything_is_recorded_with_its_identity_and_read_again(tmp_path):
         assert recording.topics["/rig/airspeed"].count >= 20
         assert not recording.problems
     assert "synthetic" not in marks
+    assert describe(tmp_path / "run").instruments["tunnel"] == TUNNEL
     assert json.loads(marks["instruments"])["oscilloscope"]["name"] == "Simulated,Scope,0,1.0"
     assert json.loads(marks["topic_map"])["power"]["topic"] == "/rig/power_block"
 
