@@ -22,8 +22,10 @@ from cwmav_sim.kinematics import Kinematics
 from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Resolution, Shifting
 from cwmav_sim.sph.sheet import expected_speed
 from cwmav_sim.wing.build import flexible_wings
+from cwmav_sim.wing.film_mesh import even_mesh
 from cwmav_sim.wing.flexible import Flexibility, plan
-from cwmav_sim.wing.geometry import WingPlanform
+from cwmav_sim.wing.geometry import WingPlanform, mesh_panel
+from cwmav_sim.wing.mass import panel_mass
 from cwmav_sim.wing.prescribed import Attitude, ClappingWings
 from cwmav_sim.wing.sheet import FloatArray
 
@@ -122,6 +124,13 @@ class Case:
     def prescribed(self) -> ClappingWings:
         """Return wings that follow the prescribed law, whatever the model of this case."""
         return ClappingWings(self.wing, self.kinematics, self._attitude, **self._placing)
+
+    def nodal_mass(self) -> FloatArray:
+        """Return the mass of film and rods at every node of the wings [kg], shape (n,)."""
+        spacing = self._placing["spacing"]
+        mesh = even_mesh(self.wing, spacing) if self.flexible else mesh_panel(self.wing, spacing)
+        panels = 2 if self.flow.box.symmetric else 4
+        return np.tile(panel_mass(self.structure, self.wing, mesh, spacing), panels)
 
     def highest_speed(self) -> float:
         """Return the highest speed of stream and prescribed wings [m/s], which sets the speed of sound."""

@@ -43,6 +43,7 @@ def run(
     assignments: Set = None,
     device: Device = "cpu",
     out: Annotated[Path | None, typer.Option(help="Folder for result, history, settings, snapshots.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")] = False,
     snapshots: Annotated[int, typer.Option(min=0, help="VTK snapshots per flapping cycle in --out.")] = 0,
     picture: Annotated[Path | None, typer.Option(help="Draw lift and vorticity into this file.")] = None,
     json: Json = False,
@@ -56,6 +57,8 @@ def run(
     case = _case(preset, case_file, assignments, (frequency, angle, airspeed))
     if snapshots and out is None:
         raise InputError("--snapshots needs a folder; add --out DIR")
+    if resume and out is None:
+        raise InputError("--resume needs the folder of the run; add --out DIR")
     observers: list[Any] = []
     slicer = SliceObserver(case) if picture else None
     if slicer is not None:
@@ -65,7 +68,7 @@ def run(
     _print_header(case)
     with progress(case.run.cycles, describe_point(case), "cycle") as bar:
         result = running.simulate(
-            case, on_progress=_reporter(bar), out=out, device=device, observers=observers
+            case, on_progress=_reporter(bar), out=out, resume=resume, device=device, observers=observers
         )
     if picture is not None and slicer is not None and slicer.slice is not None:
         draw(case, result, slicer.slice, picture)

@@ -15,7 +15,8 @@ from cwmav_common.cli import to_json
 from cwmav_common.errors import WorkError
 from cwmav_sim.case import Case, dump_case
 from cwmav_sim.gauges import History
-from cwmav_sim.result import LiftResult
+from cwmav_sim.phases import draw_phases, phase_averages, write_phases
+from cwmav_sim.result import LiftResult, describe_point
 from cwmav_sim.sph.sheet import Nodes
 from cwmav_sim.wing.sheet import FloatArray, SheetMotion
 
@@ -52,7 +53,7 @@ class ParticleView(Protocol):
 
 
 def write_run(folder: Path, case: Case, result: LiftResult) -> None:
-    """Write ``result.json``, ``history.csv`` and ``config.yaml`` into a folder.
+    """Write ``result.json``, ``config.yaml``, ``history.csv``, ``phases.csv`` and ``phases.png``.
 
     Raises
     ------
@@ -64,20 +65,31 @@ def write_run(folder: Path, case: Case, result: LiftResult) -> None:
         (folder / "result.json").write_text(to_json(result.to_json()) + "\n", encoding="utf-8")
         dump_case(case, folder / "config.yaml")
         if result.history is not None:
-            write_history(result.history, case.motion().panel_names, folder / "history.csv")
+            write_history(result.history, case.prescribed().panel_names, folder / "history.csv")
+            averages = phase_averages(result.history, case.flapping_frequency, case.run.discard)
+            write_phases(averages, folder / "phases.csv")
+            draw_phases(averages, f"{describe_point(case)}   {result.source()}", folder / "phases.png")
     except OSError as error:
         raise WorkError(f"{folder}: the run cannot be written ({error})") from None
 
 
 def write_history(history: History, panels: tuple[str, ...], path: Path) -> None:
-    """Write forces against time as CSV: vehicle totals, then pressure and viscous part of every panel."""
-    columns = ["time_s", "lift_n", "drag_n", "power_w"]
-    data = [history.time, history.lift(), history.drag(), history.total_power()]
+    """Write forces against time as CSV: vehicle totals, then parts and moment of every panel."""
+    columns = ["time_s", "lift_n", "drag_n", "pitch_moment_n_m", "power_w"]
+    data = [history.time, history.lift(), history.drag(), history.pitch_moment(), history.total_power()]
+    parts = (
+        ("pressure", history.pressure, "n"),
+        ("viscous", history.viscous, "n"),
+        ("inertial", history.inertial, "n"),
+        ("moment", history.moment, "n_m"),
+    )
     for number, panel in enumerate(panels):
-        for part, force in (("pressure", history.pressure), ("viscous", history.viscous)):
+        for part, values, unit in parts:
             for axis, name in enumerate("xyz"):
-                columns.append(f"{panel}_{part}_{name}_n")
-                data.append(force[:, number, axis])
+                columns.append(f"{panel}_{part}_{name}_{unit}")
+                data.append(values[:, number, axis])
+        columns.append(f"{panel}_power_w")
+        data.append(history.power[:, number])
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

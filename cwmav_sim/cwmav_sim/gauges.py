@@ -32,6 +32,11 @@ class History:
         Power the panel gives to the air, minus the sum of force times velocity [W].
     copies : int
         2 for a half model, 1 for a full one: how often the panels count.
+    moment : ndarray, shape (n, p, 3)
+        Moment of the air on each panel about the origin, the front of the hinge axis [N m].
+    inertial : ndarray, shape (n, p, 3)
+        Force of inertia of each panel, minus its rate of change of momentum [N]. With the force of the air it
+        is what the panel exerts on its hinge.
     """
 
     time: FloatArray
@@ -39,13 +44,12 @@ class History:
     viscous: FloatArray
     power: FloatArray
     copies: int
+    moment: FloatArray
+    inertial: FloatArray
 
     def total(self) -> FloatArray:
         """Return the force on the whole vehicle [N], shape (n, 3); sideways forces cancel in a half model."""
-        force: FloatArray = self.copies * (self.pressure + self.viscous).sum(axis=1)
-        if self.copies == 2:
-            force[:, 1] = 0.0
-        return force
+        return self.part(self.pressure + self.viscous)
 
     def lift(self) -> FloatArray:
         """Return the lift [N], shape (n,)."""
@@ -56,6 +60,18 @@ class History:
         """Return the drag [N], shape (n,); negative when the wings drive the vehicle forward."""
         drag: FloatArray = self.total()[:, 0]
         return drag
+
+    def part(self, force: FloatArray) -> FloatArray:
+        """Return one of the forces for the whole vehicle [N], shape (n, 3)."""
+        total: FloatArray = self.copies * force.sum(axis=1)
+        if self.copies == 2:
+            total[:, 1] = 0.0
+        return total
+
+    def pitch_moment(self) -> FloatArray:
+        """Return the moment about y through the origin, nose up positive [N m], shape (n,)."""
+        moment: FloatArray = self.copies * self.moment[:, :, 1].sum(axis=1)
+        return moment
 
     def total_power(self) -> FloatArray:
         """Return the power given to the air by all wings [W], shape (n,)."""
@@ -68,19 +84,37 @@ class Recorder:
 
     def __init__(self, panels: int, copies: int) -> None:
         self._panels, self._copies = panels, copies
-        self._rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+        self._rows: list[tuple[float, FloatArray]] = []
 
-    def add(self, time: float, pressure: FloatArray, viscous: FloatArray, power: FloatArray) -> None:
-        """Append one instant; arrays of shape (p, 3), (p, 3) and (p,) are copied."""
-        self._rows.append((time, np.array(pressure), np.array(viscous), np.array(power)))
+    def add(
+        self,
+        time: float,
+        pressure: FloatArray,
+        viscous: FloatArray,
+        power: FloatArray,
+        moment: FloatArray,
+        inertial: FloatArray,
+    ) -> None:
+        """Append one instant; arrays of shape (p,) for the power and (p, 3) for the rest are copied."""
+        parts = (pressure, viscous, moment, inertial, np.asarray(power)[:, None])
+        self._rows.append((time, np.concatenate(parts, axis=1)))
+
+    def rows(self) -> tuple[FloatArray, FloatArray]:
+        """Return the instants (n,) and what was recorded at them, shape (n, p, 13)."""
+        if not self._rows:
+            return np.zeros(0), np.zeros((0, self._panels, 13))
+        time, values = zip(*self._rows, strict=True)
+        return np.array(time), np.array(values)
+
+    def refill(self, time: FloatArray, values: FloatArray) -> None:
+        """Take over the rows of another recorder."""
+        self._rows = [(float(t), row) for t, row in zip(time, values, strict=True)]
 
     def history(self) -> History:
         """Return what was recorded so far."""
-        if not self._rows:
-            empty = np.zeros((0, self._panels, 3))
-            return History(np.zeros(0), empty, empty, np.zeros((0, self._panels)), self._copies)
-        time, pressure, viscous, power = (np.array(column) for column in zip(*self._rows, strict=True))
-        return History(time, pressure, viscous, power, self._copies)
+        time, values = self.rows()
+        pressure, viscous, moment, inertial = (values[:, :, 3 * k : 3 * k + 3] for k in range(4))
+        return History(time, pressure, viscous, values[:, :, 12], self._copies, moment, inertial)
 
 
 def phase_bins(time: FloatArray, signal: FloatArray, frequency: float, bins: int = _BINS) -> FloatArray:

@@ -77,6 +77,9 @@ class LiftResult:
         Whether a symmetry plane was used.
     provenance : Provenance
         Program, solver, machine and date.
+    details : mapping
+        Plain values for people: means of the parts of the force, balances of mass, momentum and energy, and
+        what the run cost.
     history : History or None
         Forces against time; absent in results read back from a store.
     """
@@ -102,6 +105,7 @@ class LiftResult:
     address: str
     half_model: bool
     provenance: Provenance
+    details: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
     history: History | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
@@ -128,6 +132,7 @@ class LiftResult:
             "address": self.address,
             "half_model": self.half_model,
             "provenance": asdict(self.provenance),
+            **self.details,
         }
 
     @classmethod
@@ -152,6 +157,7 @@ class LiftResult:
                 cycle_lift=tuple(values["cycle_lift_n"]),
                 dp=values["dp_m"],
                 provenance=Provenance(**values["provenance"]),
+                details={name: values[name] for name in _DETAILS if name in values},
                 **{name: values[name] for name in _SAME},
             )
         except (KeyError, TypeError) as error:
@@ -167,6 +173,7 @@ class LiftResult:
         )
 
 
+_DETAILS = ("parts", "balance", "cost")
 _SAME = (
     "cycles",
     "periodic",

@@ -10,10 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_common.settings import to_mapping
+from cwmav_sim.balance import Ledger, WingInertia, cost, mean_parts
 from cwmav_sim.case import Case
+from cwmav_sim.checkpoint import Checkpoint
+from cwmav_sim.coupling import CoupledWings
 from cwmav_sim.export import write_run
 from cwmav_sim.gauges import History, Recorder, cycle_mean, is_periodic, phase_bins
 from cwmav_sim.result import LiftResult, Provenance, describe_point
@@ -23,6 +27,7 @@ from cwmav_sim.wing.sheet import FloatArray
 logger = logging.getLogger(__name__)
 
 _REPORTS_PER_CYCLE = 50
+_MARKS_PER_CYCLE = 8
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,7 @@ def simulate(
     on_progress: OnProgress | None = None,
     cancelled: Callable[[], bool] | None = None,
     out: str | Path | None = None,
+    resume: bool = False,
     observers: Sequence[Observer] = (),
     device: str = "cpu",
 ) -> LiftResult:
@@ -82,7 +88,11 @@ def simulate(
     cancelled : callable, optional
         Asked at every step; the run stops when it returns True.
     out : path, optional
-        Folder that receives ``result.json``, ``history.csv`` and ``config.yaml``.
+        Folder that receives ``result.json``, ``history.csv``, ``phases.csv`` and ``config.yaml``, and a
+        checkpoint eight times per cycle until the run is done.
+    resume : bool
+        Go on from the checkpoint in ``out`` where there is one; the result has the same bits as without the
+        interruption.
     observers : sequence of callables
         Called with the solver after every step, for snapshots and pictures.
     device : {"cpu", "cuda"}
@@ -96,31 +106,95 @@ def simulate(
     Raises
     ------
     InputError
-        For a device that is not there.
+        For a device that is not there, or a checkpoint of another case.
     WorkError
         When the flow blows up; :class:`~cwmav_common.errors.CancelledError` when cancelled.
     """
     check_device(device)
     for line in header(case):
         logger.info(line)
-    motion = case.motion()
-    solver = Solver(case.flow, motion, case.airspeed, highest_speed=case.highest_speed())
-    recorder = Recorder(len(motion.panel_names), case.copies)
-    watch = _Watch(case, on_progress, cancelled)
+    work = _Work(case, on_progress, cancelled)
+    checkpoint = None if out is None else Checkpoint(Path(out), case.address())
+    if resume and checkpoint is not None:
+        work.restore(checkpoint.read())
     for cycle in range(1, case.run.cycles_max + 1):
-        while solver.time < cycle / case.flapping_frequency:
-            watch.stop_if_cancelled(solver.time)
-            info = solver.step()
-            recorder.add(info.time, info.pressure, info.viscous, info.power)
-            watch.report(info, cycle)
+        while work.solver.time < cycle / case.flapping_frequency:
+            work.step(cycle)
             for observe in observers:
-                observe(solver)
-        if cycle >= case.run.cycles and _periodic(case, recorder):
+                observe(work.solver)
+            if work.reached_mark() and checkpoint is not None:
+                checkpoint.write(work.save())
+        if cycle >= case.run.cycles and _periodic(case, work.recorder):
             break
-    result = _result(case, solver, recorder, watch.wall(), device)
-    if out is not None:
+    result = _result(case, work, device)
+    if out is not None and checkpoint is not None:
         write_run(Path(out), case, result)
+        checkpoint.remove()
     return result
+
+
+class _Work:
+    """A run in progress: air, wings, what is recorded of them, and who watches."""
+
+    def __init__(
+        self, case: Case, on_progress: OnProgress | None, cancelled: Callable[[], bool] | None
+    ) -> None:
+        self.case, self.motion = case, case.motion()
+        self.solver = Solver(case.flow, self.motion, case.airspeed, highest_speed=case.highest_speed())
+        self.recorder = Recorder(len(self.motion.panel_names), case.copies)
+        self.watch = _Watch(case, on_progress, cancelled)
+        self.inertia = WingInertia(case, self.motion)
+        self.ledger = Ledger.of(self.solver)
+        self._mark = 0
+
+    def step(self, cycle: int) -> None:
+        """Advance by one step and record it."""
+        self.watch.stop_if_cancelled(self.solver.time)
+        info = self.solver.step()
+        inertial = self.inertia.force(self.solver.sheet, info.dt)
+        self.recorder.add(info.time, info.pressure, info.viscous, info.power, info.moment, inertial)
+        self.ledger.add(info.dt, info.power)
+        self.watch.report(info, cycle)
+
+    def reached_mark(self) -> bool:
+        """Tell whether a mark is reached at which runs can be continued, and make that possible."""
+        if self.solver.time * self.case.flapping_frequency * _MARKS_PER_CYCLE < self._mark + 1:
+            return False
+        self._mark = int(self.solver.time * self.case.flapping_frequency * _MARKS_PER_CYCLE)
+        if isinstance(self.motion, CoupledWings):
+            self.motion.settle()
+        return True
+
+    def save(self) -> dict[str, NDArray]:
+        """Return everything needed to go on from here."""
+        time, rows = self.recorder.rows()
+        parts = {
+            "air": self.solver.save(),
+            "wings": self.motion.save() if isinstance(self.motion, CoupledWings) else {},
+            "history": {"time": time, "rows": rows},
+            "watch": self.watch.save(),
+            "inertia": self.inertia.save(),
+            "ledger": self.ledger.save(),
+            "mark": {"number": np.array(self._mark)},
+        }
+        return {f"{part}/{name}": v for part, values in parts.items() for name, v in values.items()}
+
+    def restore(self, saved: dict[str, NDArray] | None) -> None:
+        """Go to a saved instant; None leaves the run at its start."""
+        if saved is None:
+            return
+        parts: dict[str, dict[str, NDArray]] = {}
+        for key, value in saved.items():
+            part, _, name = key.partition("/")
+            parts.setdefault(part, {})[name] = value
+        self.solver.restore(parts["air"])
+        if isinstance(self.motion, CoupledWings):
+            self.motion.restore(parts["wings"])
+        self.recorder.refill(parts["history"]["time"], parts["history"]["rows"])
+        self.watch.restore(parts["watch"])
+        self.inertia.restore(parts["inertia"])
+        self.ledger.restore(parts["ledger"])
+        self._mark = int(parts["mark"]["number"])
 
 
 def check_device(device: str) -> None:
@@ -159,7 +233,7 @@ class _Watch:
         self, case: Case, on_progress: OnProgress | None, cancelled: Callable[[], bool] | None
     ) -> None:
         self._case, self._on_progress, self._cancelled = case, on_progress, cancelled
-        self._started = time.perf_counter()
+        self._started, self._earlier = time.perf_counter(), 0.0
         self._interval = 1.0 / (_REPORTS_PER_CYCLE * case.flapping_frequency)
         self._next = 0.0
         self._time = 0.0
@@ -167,8 +241,20 @@ class _Watch:
         self._mean_lift = float("nan")
 
     def wall(self) -> float:
-        """Seconds since the run started."""
-        return time.perf_counter() - self._started
+        """Seconds spent on the run, interruptions left out."""
+        return self._earlier + time.perf_counter() - self._started
+
+    def save(self) -> dict[str, NDArray]:
+        """Return what is followed between reports."""
+        values = (self._next, self._time, self._cycle, self._impulse, self._begin, self._mean_lift)
+        return {"values": np.array([*values, self.wall()])}
+
+    def restore(self, saved: dict[str, NDArray]) -> None:
+        """Go on following."""
+        self._next, self._time, cycle, self._impulse, self._begin, self._mean_lift, self._earlier = (
+            float(v) for v in saved["values"]
+        )
+        self._cycle = int(cycle)
 
     def stop_if_cancelled(self, now: float) -> None:
         if self._cancelled is not None and self._cancelled():
@@ -217,8 +303,8 @@ def _periodic(case: Case, recorder: Recorder) -> bool:
     return is_periodic(lift, drag, case.run.periodic_within)
 
 
-def _result(case: Case, solver: Solver, recorder: Recorder, wall: float, device: str) -> LiftResult:
-    history = recorder.history()
+def _result(case: Case, work: _Work, device: str) -> LiftResult:
+    solver, history, wall = work.solver, work.recorder.history(), work.watch.wall()
     binned = _binned(case, history)
     lift, drag, power = (cycle_mean(signal, case.run.discard) for signal in binned)
     steps = len(history.time)
@@ -245,4 +331,9 @@ def _result(case: Case, solver: Solver, recorder: Recorder, wall: float, device:
         half_model=case.flow.box.symmetric,
         provenance=Provenance.here(case.solver),
         history=history,
+        details={
+            "parts": mean_parts(history, case.flapping_frequency, case.run.discard),
+            "balance": work.ledger.balance(solver, work.motion, case),
+            "cost": cost(solver, steps, wall),
+        },
     )

@@ -30,6 +30,18 @@ FloatArray = NDArray[np.float64]
 # Storage follows space again after this many steps, so that neighbours lie near each other in memory.
 _REORDER_EVERY = 50
 
+# What a saved state holds besides the particles.
+_SIDES = ("signed", "inside", "normal")
+_TALLIES = (
+    "time",
+    "steps",
+    "crossings",
+    "wall_impulse",
+    "fringe_impulse",
+    "gravity_impulse",
+    "fringe_work",
+)
+
 
 @dataclass(frozen=True)
 class StepInfo:
@@ -109,6 +121,7 @@ class Solver:
         self.wall_impulse = np.zeros(3)
         self.fringe_impulse = np.zeros(3)
         self.gravity_impulse = np.zeros(3)
+        self.fringe_work = 0.0
 
     def step(self) -> StepInfo:
         """Advance by one time step.
@@ -198,10 +211,12 @@ class Solver:
         begin = float(self._grid.low[0] + self._grid.size[0]) - fringe.width
         rho0 = self._settings.fluid.density
         around = np.array([self._grid.low[2], self._grid.size[2] if fringe.around else 0.0])
+        before = self.kinetic_energy()
         change = relax(
             air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt, around
         )
         self.fringe_impulse += air.mass * change
+        self.fringe_work += self.kinetic_energy() - before
 
     def _confine(self, air: Particles) -> None:
         """Bring particles that left the box back: around its periodic faces, off its mirrors."""
@@ -268,6 +283,40 @@ class Solver:
     def momentum(self) -> FloatArray:
         """Momentum of the air [kg m/s], shape (3,)."""
         return self._air.momentum()
+
+    def kinetic_energy(self) -> float:
+        """Kinetic energy of the air [J]."""
+        return 0.5 * self._air.mass * float(np.einsum("ij,ij->", self._air.v, self._air.v))
+
+    def save(self) -> dict[str, NDArray]:
+        """Return everything of the air and its walls that is needed to go on from here, by name.
+
+        Wings that move by themselves keep their own state.
+        """
+        air = self._air
+        out = {"x": air.x, "v": air.v, "rho": air.rho, "identity": air.identity}
+        if self._sides is not None:
+            for name in _SIDES:
+                out[f"sides.{name}"] = getattr(self._sides, name)
+        for name in _TALLIES:
+            out[name] = np.array(getattr(self, name))
+        out["dt"] = np.array(self._dt)
+        return out | {f"walls.{name}": value for name, value in self._interaction.save().items()}
+
+    def restore(self, saved: dict[str, NDArray]) -> None:
+        """Go to a saved state of a solver made with the same settings."""
+        air = self._air
+        self._air = Particles(saved["x"], saved["v"], saved["rho"], air.mass, saved["identity"])
+        if "sides.signed" in saved:
+            self._sides = Sides(*(saved[f"sides.{name}"] for name in _SIDES))
+        for name in _TALLIES:
+            value = saved[name]
+            setattr(self, name, value.copy() if value.ndim else value.item())
+        self._dt = float(saved["dt"])
+        prefix = "walls."
+        self._interaction.restore(
+            {name.removeprefix(prefix): value for name, value in saved.items() if name.startswith(prefix)}
+        )
 
     def pairs(self) -> int:
         """Ordered pairs of particles within the support, as one pass sums them."""

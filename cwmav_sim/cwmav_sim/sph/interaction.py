@@ -152,6 +152,13 @@ class Interaction:
     def correct_walls(self, dt: float) -> None:
         """Bring whatever state the walls have over the step."""
 
+    def save(self) -> dict[str, NDArray]:
+        """Return whatever state the walls have, by name; two-sided ones have none."""
+        return {}
+
+    def restore(self, saved: dict[str, NDArray]) -> None:
+        """Go to a saved state."""
+
     def sheet_load(
         self, rates: Rates, nodes: Nodes, crossed: Crossings | None = None, dt: float = 1.0
     ) -> SheetLoad:

@@ -47,6 +47,16 @@ class PlainInteraction(Interaction):
         self._wall.correct(self._wall_rate, dt)
         self._middle = False
 
+    def save(self) -> dict[str, NDArray]:
+        """Return the densities of the wall and their rates."""
+        wall = self._wall
+        return {"density": wall.density, "middle": wall.middle, "rate": self._wall_rate}
+
+    def restore(self, saved: dict[str, NDArray]) -> None:
+        """Go to saved densities."""
+        self._wall.density, self._wall.middle = saved["density"], saved["middle"]
+        self._wall_rate = saved["rate"]
+
     def _walled(
         self,
         particles: Particles,

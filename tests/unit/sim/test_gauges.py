@@ -89,13 +89,16 @@ def test_half_model_counts_twice_and_has_no_side_force():
     pressure = np.array([[1.0, 2.0, 3.0], [0.5, -1.0, 0.25]])
     viscous = np.full((2, 3), 0.125)
     for k in range(3):
-        recorder.add(0.01 * k, pressure, viscous, np.array([0.5, 1.0]))
+        moment, inertial = 0.5 * pressure, -pressure
+        recorder.add(0.01 * k, pressure, viscous, np.array([0.5, 1.0]), moment, inertial)
     pressure[:] = 0.0  # the recorder keeps its own copy
     history = recorder.history()
     np.testing.assert_allclose(history.lift(), 2 * 3.5)
     np.testing.assert_allclose(history.drag(), 2 * 1.75)
     np.testing.assert_allclose(history.total()[:, 1], 0.0)
     np.testing.assert_allclose(history.total_power(), 3.0)
+    np.testing.assert_allclose(history.pitch_moment(), 2 * 0.5)
+    np.testing.assert_allclose(history.part(history.inertial), [[-3.0, 0.0, -6.5]] * 3)
     assert isinstance(history, History)
 
 

@@ -4,7 +4,6 @@
 import csv
 import json
 import math
-import types
 
 import meshio
 import numpy as np
@@ -15,18 +14,19 @@ from cwmav_sim import case as cases
 from cwmav_sim import run as running
 from cwmav_sim.export import Snapshots
 from cwmav_sim.picture import SliceObserver, draw, wing_cut
+from support.sim_flow import StillFlow
 
 PERIOD = 1.0 / 16.0
 
 
-class FakeFlow:
+class FakeFlow(StillFlow):
     """Air whose forces are a known function of time, and whose particles stand on a lattice."""
 
+    steps_per_second = 200 / PERIOD
     lift_of_panel = staticmethod(lambda t: 0.05 + 0.3 * math.sin(2 * math.pi * t / PERIOD))
 
     def __init__(self, flow, motion, airspeed, **options):
-        self._motion = motion
-        self.time, self._steps = 0.0, 0
+        super().__init__(flow, motion, airspeed, **options)
         box, step = flow.box, flow.resolution.dp
         axes = (
             np.arange(-box.upstream, box.length - box.upstream, step),
@@ -39,21 +39,13 @@ class FakeFlow:
         self.density = np.full(len(self.position), 1.225)
         self.pressure = np.zeros(len(self.position))
         self.particles = len(self.position)
+        self.identity = np.arange(self.particles)
 
-    @property
-    def sheet(self):
-        return self._motion.state(self.time)
-
-    def step(self):
-        self._steps += 1
-        self.time = self._steps / (200 / PERIOD)
-        pressure = np.zeros((2, 3))
-        pressure[0, 2] = self.lift_of_panel(self.time)
-        viscous = np.zeros((2, 3))
+    def loads(self, time):
+        pressure, viscous = np.zeros((2, 3)), np.zeros((2, 3))
+        pressure[0, 2] = self.lift_of_panel(time)
         viscous[1, 0] = -0.004
-        return types.SimpleNamespace(
-            time=self.time, pressure=pressure, viscous=viscous, power=np.array([0.2, 0.1])
-        )
+        return pressure, viscous, np.array([0.2, 0.1])
 
 
 @pytest.fixture

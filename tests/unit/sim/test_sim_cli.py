@@ -3,7 +3,6 @@
 
 import json
 import sys
-import types
 
 import numpy as np
 import pytest
@@ -12,22 +11,16 @@ from cwmav_sim import cli
 from cwmav_sim import run as running
 from cwmav_sim.verification import catalogue
 from cwmav_sim.verification.protocol import Check
+from support.sim_flow import StillFlow
 
 
-class SteadyFlow:
+class SteadyFlow(StillFlow):
     """Air that pushes each wing up with the same force at every step."""
 
-    def __init__(self, flow, motion, airspeed, **options):
-        self.time, self._steps, self.particles = 0.0, 0, 1000
-
-    def step(self):
-        self._steps += 1
-        self.time = self._steps / 1600
+    def loads(self, time):
         pressure = np.zeros((2, 3))
         pressure[:, 2] = 0.04
-        return types.SimpleNamespace(
-            time=self.time, pressure=pressure, viscous=np.zeros((2, 3)), power=np.zeros(2)
-        )
+        return pressure, np.zeros((2, 3)), np.zeros(2)
 
 
 @pytest.fixture(autouse=True)
@@ -90,6 +83,7 @@ def test_case_file_is_used(call, tmp_path):
         (["run", "--device", "cuda"], "CPU only"),
         (["run", "--case", "absent.yaml"], "absent.yaml"),
         (["run", "--snapshots", "4"], "--out"),
+        (["run", "--resume"], "--out"),
         (["sweep", "absent.csv", "--out", "somewhere"], "absent.csv"),
         (["verify", "nonsense"], "nonsense"),
         (["run", "--nonsense"], "--nonsense"),
