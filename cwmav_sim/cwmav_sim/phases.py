@@ -69,7 +69,7 @@ def _average(
 
 
 def write_phases(averages: tuple[PhaseAverage, ...], path: Path) -> None:
-    """Write phase averages as CSV: the middle of each part of the cycle, then mean and uncertainty of each."""
+    """Write phase averages as CSV: middle of each part of the cycle, then means and uncertainties."""
     bins = len(averages[0].mean)
     columns, data = ["phase"], [(np.arange(bins) + 0.5) / bins]
     for average in averages:

@@ -48,7 +48,7 @@ def cut_at(cycles, case):
     return observe
 
 
-@pytest.mark.parametrize("model", ["prescribed", "membrane"])
+@pytest.mark.parametrize("model", [pytest.param("prescribed", marks=pytest.mark.slow), "membrane"])
 def test_a_continued_run_has_the_bits_of_an_uninterrupted_one(model, tmp_path):
     case = small(model)
     whole = simulate(case, out=tmp_path / "whole")
@@ -76,7 +76,7 @@ def _check_accounts(details, model):
     assert air["work_of_wings"] > 0
     if model == "membrane":
         wings = balance["wings_j"]
-        assert abs(wings["made_by_exchange"]) < 0.05 * air["work_of_wings"]
+        assert wings["made_by_exchange"] == pytest.approx(air["work_of_wings"] + wings["load_work"])
         assert abs(wings["lost_by_integration"]) < 0.05 * wings["drive_work"]
     parts = details["parts"]
     assert abs(parts["viscous"]["lift_n"]["mean"]) < abs(parts["pressure"]["lift_n"]["mean"])
