@@ -14,7 +14,7 @@ from typing import Any, TypedDict
 import numpy as np
 import yaml
 
-from cwmav_common.errors import InputError
+from cwmav_common.errors import InputError, WorkError
 from cwmav_common.settings import from_mapping, override, read_yaml, setting, to_mapping
 from cwmav_sim.coupling import CoupledWings, Coupling
 from cwmav_sim.fingerprint import coupled_fingerprint, solver_fingerprint
@@ -267,6 +267,26 @@ def _check_box(case: Case) -> None:
             raise InputError(
                 f"flow.box: the wings reach {name} = {low[axis]:.3f} .. {high[axis]:.3f} m; allowed (two "
                 f"spacings clear of faces and fringe): {limits_low[axis]:.3f} .. {limits_high[axis]:.3f} m"
+            )
+
+
+def check_inside(case: Case, x: FloatArray, time: float) -> None:
+    """Stop a run whose flexible wings have left the box.
+
+    Raises
+    ------
+    WorkError
+        Names the place and the limits.
+    """
+    box = case.flow.box
+    low = np.array([-box.upstream, 0.0 if box.symmetric else -0.5 * box.width, -0.5 * box.height])
+    high = np.array([box.length - box.upstream, 0.5 * box.width, 0.5 * box.height])
+    for axis, name in enumerate("xyz"):
+        least, most = float(x[:, axis].min()), float(x[:, axis].max())
+        if not (low[axis] <= least and most <= high[axis]):
+            raise WorkError(
+                f"the wings left the box at t = {time:.5f} s: {name} = {least:.3f} .. {most:.3f} m; allowed: "
+                f"{low[axis]:.3f} .. {high[axis]:.3f} m; make the box larger or the wings stiffer"
             )
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,12 +46,17 @@ def run(
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")] = False,
     snapshots: Annotated[int, typer.Option(min=0, help="VTK snapshots per flapping cycle in --out.")] = 0,
     picture: Annotated[Path | None, typer.Option(help="Draw lift and vorticity into this file.")] = None,
+    animation: Annotated[
+        Path | None, typer.Option(help="Film the vorticity of the last cycle (.gif, or .mp4 with ffmpeg).")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Simulate one operating point and report its mean lift."""
     from cwmav_sim import run as running
+    from cwmav_sim.animation import animate as animate_slices
+    from cwmav_sim.animation import check_ending
     from cwmav_sim.export import Snapshots
-    from cwmav_sim.picture import SliceObserver, draw
+    from cwmav_sim.picture import FilmObserver, SliceObserver, draw
 
     running.check_device(device)
     case = _case(preset, case_file, assignments, (frequency, angle, airspeed))
@@ -61,10 +66,12 @@ def run(
         raise InputError("--resume needs the folder of the run; add --out DIR")
     observers: list[Any] = []
     slicer = SliceObserver(case) if picture else None
-    if slicer is not None:
-        observers.append(slicer)
+    film = FilmObserver(case) if animation else None
+    observers += [observer for observer in (slicer, film) if observer is not None]
+    if animation is not None:
+        check_ending(animation)
     if snapshots and out is not None:
-        observers.append(Snapshots(out, case, snapshots))
+        observers.append(Snapshots(out, case, snapshots, resume=resume))
     _print_header(case)
     with progress(case.run.cycles, describe_point(case), "cycle") as bar:
         result = running.simulate(
@@ -72,7 +79,32 @@ def run(
         )
     if picture is not None and slicer is not None and slicer.slice is not None:
         draw(case, result, slicer.slice, picture)
+    if animation is not None and film is not None:
+        animate_slices(case, film.slices, animation)
     emit(result.to_json(), json, _result_lines(result))
+
+
+@cli.command()
+def animate(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run with snapshots.")],
+    out: Annotated[Path | None, typer.Option(help="File (.gif, or .mp4 with ffmpeg).")] = None,
+    frames_per_second: Annotated[int, typer.Option("--fps", min=1, help="Frames per second.")] = 12,
+    json: Json = False,
+) -> None:
+    """Draw the vorticity around the wings from the snapshots of a run, one frame each."""
+    from cwmav_sim.animation import animate as animate_slices
+    from cwmav_sim.animation import check_ending, stored_slices
+
+    path = out or folder / "vorticity.gif"
+    check_ending(path)
+    case = cases.load_case(folder / "config.yaml")
+    slices = []
+    with progress(len(list((folder / "vtk").glob("wings_*.vtu"))), "animate", "frame") as bar:
+        for frame in stored_slices(folder, case):
+            slices.append(frame)
+            bar.update(1)
+    animate_slices(case, slices, path, frames_per_second)
+    emit({"file": path, "frames": len(slices)}, json, [f"{len(slices)} frames in {path}"])
 
 
 @cli.command()
@@ -267,8 +299,36 @@ def _result_lines(result: LiftResult) -> list[str]:
         f" ({'periodic' if result.periodic else 'not periodic'})",
         f"run     {result.particles} particles, {result.steps} steps, {result.wall_s:.1f} s,"
         f" {result.particle_steps_per_s:.3g} particle-steps/s",
+        *_detail_lines(result.details),
         f"source  {result.source()}",
     ]
+
+
+def _detail_lines(details: Mapping[str, Any]) -> list[str]:
+    """Parts of the lift, moment, balances and cost, as far as a result has them."""
+    lines = []
+    if parts := details.get("parts"):
+        lift = ", ".join(f"{n} {_with_std(parts[n]['lift_n'])}" for n in ("pressure", "viscous", "inertial"))
+        lines.append(f"parts   {lift} N of the lift; pitch moment {_with_std(parts['pitch_moment_n_m'])} N m")
+    if balance := details.get("balance"):
+        lines.append(
+            f"balance particles lost {balance['particles_lost']}, put back {balance['particles_put_back']} "
+            f"(leak {balance['leak_flux_m_s']:.2g} m/s), momentum {balance['momentum_residual']:.1g}"
+        )
+        if wings := balance.get("wings_j"):
+            share = abs(wings["made_by_exchange"] / (balance["air_j"]["work_of_wings"] or 1.0))
+            drive = wings["drive_work"]
+            lines.append(f"wings   driven with {drive:.3g} J, exchange with the air closes to {share:.1%}")
+    if cost := details.get("cost"):
+        seconds = cost["phases_s"]
+        total = sum(seconds.values()) or 1.0
+        phases = ", ".join(f"{name} {100 * s / total:.0f} %" for name, s in seconds.items())
+        lines.append(f"cost    {cost['pair_interactions_per_s']:.3g} pairs/s; {phases}")
+    return lines
+
+
+def _with_std(value: Mapping[str, float]) -> str:
+    return f"{value['mean']:.4f} +- {value['std']:.4f}"
 
 
 main = main_guard(cli)

@@ -6,13 +6,14 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 from typing import Any, Protocol
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import meshio  # type: ignore[import-untyped]
 import numpy as np
 
 from cwmav_common.cli import to_json
-from cwmav_common.errors import WorkError
+from cwmav_common.errors import InputError, WorkError
 from cwmav_sim.case import Case, dump_case
 from cwmav_sim.gauges import History
 from cwmav_sim.phases import draw_phases, phase_averages, write_phases
@@ -107,17 +108,21 @@ class Snapshots:
         The run.
     per_cycle : int
         Snapshots in every flapping cycle.
+    resume : bool
+        Keep the snapshots that an interrupted run left, as far as it is continued from.
     """
 
-    def __init__(self, folder: Path, case: Case, per_cycle: int) -> None:
+    def __init__(self, folder: Path, case: Case, per_cycle: int, *, resume: bool = False) -> None:
         self._folder = folder
         self._motion = case.motion()
         self._interval = 1.0 / (per_cycle * case.flapping_frequency)
-        self._times: list[float] = []
+        self._times = [t for t, _ in read_index(folder / "wings.pvd")] if resume else []
         (folder / "vtk").mkdir(parents=True, exist_ok=True)
 
     def __call__(self, view: ParticleView) -> None:
         """Write a snapshot when the next one is due."""
+        while self._times and self._times[-1] >= view.time:  # of a run that was continued from before
+            self._times.pop()
         if view.time < len(self._times) * self._interval:
             return
         number = len(self._times)
@@ -139,6 +144,23 @@ class Snapshots:
         text = ['<VTKFile type="Collection" version="0.1">', "  <Collection>", *entries]
         text += ["  </Collection>", "</VTKFile>", ""]
         (self._folder / f"{name}.pvd").write_text("\n".join(text), encoding="utf-8")
+
+
+def read_index(path: Path) -> list[tuple[float, Path]]:
+    """Return times [s] and files of a ``.pvd`` index; nothing where there is none.
+
+    Raises
+    ------
+    InputError
+        When the file is no such index.
+    """
+    if not path.exists():
+        return []
+    try:
+        entries = ElementTree.parse(path).getroot().iter("DataSet")  # noqa: S314 - our own file
+        return [(float(e.attrib["timestep"]), path.parent / e.attrib["file"]) for e in entries]
+    except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: is no index of VTK files ({error})") from None
 
 
 def wing_mesh(motion: SheetMotion, nodes: Nodes) -> Any:

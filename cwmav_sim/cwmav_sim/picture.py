@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,6 +19,25 @@ from cwmav_sim.result import LiftResult, describe_point
 from cwmav_sim.wing.sheet import FloatArray, SheetMotion
 
 _SPAN_SHARE = 0.6  # the slice cuts the wings at this share of their length
+
+
+class FlowView(Protocol):
+    """What a slice reads: an instant [s], positions [m] and velocities [m/s] of particles (n, 3)."""
+
+    @property
+    def time(self) -> float:
+        """Instant [s]."""
+        ...
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions [m], shape (n, 3)."""
+        ...
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities [m/s], shape (n, 3)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -64,11 +84,43 @@ class SliceObserver:
     def __call__(self, view: ParticleView) -> None:
         """Take the slice at the first step after the phase asked for."""
         if self.slice is None and view.time >= self._due:
-            self.slice = take_slice(self._case, self._motion, view)
+            self.slice = take_slice(self._case, wing_corners(self._motion, view), view)
 
 
-def take_slice(case: Case, motion: SheetMotion, view: ParticleView) -> FlowSlice:
-    """Interpolate the velocity to a plane through the wings and differentiate it there.
+class FilmObserver:
+    """Keeps slices of the flow at equal phases of the last planned cycle, for an animation.
+
+    Parameters
+    ----------
+    case : Case
+        The run.
+    frames : int
+        Slices in the cycle.
+    """
+
+    def __init__(self, case: Case, frames: int = 48) -> None:
+        self._case, self._motion = case, case.motion()
+        self._begin, self._interval = (
+            (case.run.cycles - 1) / case.flapping_frequency,
+            1.0 / (frames * case.flapping_frequency),
+        )
+        self.slices: list[FlowSlice] = []
+
+    def __call__(self, view: ParticleView) -> None:
+        """Take a slice when the next one is due."""
+        due = self._begin + len(self.slices) * self._interval
+        if view.time >= due and view.time < self._begin + 1.0 / self._case.flapping_frequency:
+            self.slices.append(take_slice(self._case, wing_corners(self._motion, view), view))
+
+
+def wing_corners(motion: SheetMotion, view: ParticleView) -> FloatArray:
+    """Return the corners of the wings' triangles at the instant of a view, shape (m, 3, 3)."""
+    nodes = view.sheet
+    return np.zeros((0, 3, 3)) if nodes is None else nodes.x[motion.triangles]
+
+
+def take_slice(case: Case, corners: FloatArray, view: FlowView) -> FlowSlice:
+    """Interpolate the velocity to a plane through the wings (m, 3, 3) and differentiate it there.
 
     The interpolation is Shepard-normalised with a quartic weight of two spacings' radius; it smooths the
     jump across a wing over that length.
@@ -80,12 +132,10 @@ def take_slice(case: Case, motion: SheetMotion, view: ParticleView) -> FlowSlice
     grid = np.stack(np.meshgrid(x, [y], z, indexing="ij"), axis=-1).reshape(-1, 3)
     velocity = _interpolate(grid, view, 2.5 * dp).reshape(len(x), len(z), 3)
     shear = np.gradient(velocity[:, :, 0], z, axis=1) - np.gradient(velocity[:, :, 2], x, axis=0)
-    nodes = view.sheet
-    cut = np.zeros((0, 2, 2)) if nodes is None else wing_cut(nodes.x[motion.triangles], float(y))
-    return FlowSlice(x, z, shear.T, cut, view.time, float(y))
+    return FlowSlice(x, z, shear.T, wing_cut(corners, float(y)), view.time, float(y))
 
 
-def _interpolate(points: FloatArray, view: ParticleView, radius: float) -> FloatArray:
+def _interpolate(points: FloatArray, view: FlowView, radius: float) -> FloatArray:
     position = np.asarray(view.position, dtype=np.float64)
     velocity = np.asarray(view.velocity, dtype=np.float64)
     distance, index = cKDTree(position).query(points, k=32, distance_upper_bound=radius)
@@ -127,7 +177,7 @@ def draw(case: Case, result: LiftResult, flow: FlowSlice, path: str | Path) -> N
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     if result.history is not None:
         _draw_lift(left, case, result, result.history)
-    _draw_slice(right, case, flow)
+    draw_slice(right, case, flow)
     figure.suptitle(f"{describe_point(case)}   ({case.preset}, {1e3 * result.dp:g} mm)")
     figure.savefig(path, dpi=130)
 
@@ -150,8 +200,9 @@ def _mean_label(result: LiftResult) -> str:
     return f"mean {result.mean_lift:.3f} ± {result.lift_std:.3f} N"
 
 
-def _draw_slice(axes: Axes, case: Case, flow: FlowSlice) -> None:
-    limit = float(np.percentile(np.abs(flow.vorticity), 99.0)) or 1.0
+def draw_slice(axes: Axes, case: Case, flow: FlowSlice, limit: float | None = None) -> None:
+    """Draw one slice; colours end at ``limit`` [1/s], by default at the 99th percentile of the slice."""
+    limit = limit or float(np.percentile(np.abs(flow.vorticity), 99.0)) or 1.0
     image = axes.pcolormesh(
         flow.x, flow.z, flow.vorticity, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="gouraud"
     )

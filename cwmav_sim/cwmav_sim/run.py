@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_common.settings import to_mapping
 from cwmav_sim.balance import Ledger, WingInertia, cost, mean_parts
-from cwmav_sim.case import Case
+from cwmav_sim.case import Case, check_inside
 from cwmav_sim.checkpoint import Checkpoint
 from cwmav_sim.coupling import CoupledWings
 from cwmav_sim.export import write_run
@@ -151,7 +151,10 @@ class _Work:
         """Advance by one step and record it."""
         self.watch.stop_if_cancelled(self.solver.time)
         info = self.solver.step()
-        inertial = self.inertia.force(self.solver.sheet, info.dt)
+        nodes = self.solver.sheet
+        if self.case.flexible and nodes is not None:
+            check_inside(self.case, nodes.x, self.solver.time)
+        inertial = self.inertia.force(nodes, info.dt)
         self.recorder.add(info.time, info.pressure, info.viscous, info.power, info.moment, inertial)
         self.ledger.add(info.dt, info.power)
         self.watch.report(info, cycle)

@@ -8,12 +8,14 @@ import math
 import meshio
 import numpy as np
 import pytest
+from PIL import Image
 
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_sim import case as cases
 from cwmav_sim import run as running
-from cwmav_sim.export import Snapshots
-from cwmav_sim.picture import SliceObserver, draw, wing_cut
+from cwmav_sim.animation import animate, stored_slices
+from cwmav_sim.export import Snapshots, read_index
+from cwmav_sim.picture import FilmObserver, SliceObserver, draw, wing_cut
 from support.sim_flow import StillFlow
 
 PERIOD = 1.0 / 16.0
@@ -200,3 +202,73 @@ def test_wing_cut_lies_in_the_plane_of_the_wings(case):
     assert lines[..., 1].min() >= x[:, 2].min() - 1e-9
     assert lines[..., 1].max() <= x[:, 2].max() + 1e-9
     assert wing_cut(x[motion.triangles], 0.2).shape == (0, 2, 2)
+
+
+def test_animation_from_a_run_and_from_its_snapshots(fake_flow, case, tmp_path):
+    film = FilmObserver(case, frames=3)
+    running.simulate(case, out=tmp_path, observers=[film, Snapshots(tmp_path, case, per_cycle=1)])
+    assert [f.time / PERIOD for f in film.slices] == pytest.approx([3.0, 3.333, 3.667], abs=0.01)
+    animate(case, film.slices, tmp_path / "film.gif")
+    slices = list(stored_slices(tmp_path, case))
+    assert len(slices) == 5
+    assert np.median(slices[2].vorticity[5:-5, 5:-5]) == pytest.approx(10.0, rel=0.1)
+    assert len(slices[2].wings) > 10
+    animate(case, slices, tmp_path / "stored.gif", frames_per_second=5)
+    with Image.open(tmp_path / "stored.gif") as image:
+        assert image.n_frames == 5
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("film.avi", "'.avi' is unknown; allowed: .gif"), ("a.gif", "nothing")]
+)
+def test_animations_that_cannot_be_made_are_refused(case, tmp_path, name, message):
+    with pytest.raises(InputError, match=message):
+        animate(case, [], tmp_path / name)
+
+
+def test_folder_without_snapshots_cannot_be_animated(case, tmp_path):
+    with pytest.raises(InputError, match="--snapshots"):
+        list(stored_slices(tmp_path, case))
+
+
+def test_snapshots_of_a_continued_run_replace_those_after_the_checkpoint(fake_flow, case, tmp_path):
+    running.simulate(case, observers=[Snapshots(tmp_path, case, per_cycle=4)])
+    again = Snapshots(tmp_path, case, per_cycle=4, resume=True)
+    view = FakeFlow(case.flow, case.motion(), 3.5)
+    for cycles in (2.55, 2.76):
+        view.time = cycles * PERIOD
+        again(view)
+    times = [time / PERIOD for time, _ in read_index(tmp_path / "wings.pvd")]
+    assert times == pytest.approx(
+        [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.76], abs=0.01
+    )
+
+
+def test_phase_averages_hold_the_parts(fake_flow, case, tmp_path):
+    running.simulate(case, out=tmp_path)
+    with (tmp_path / "phases.csv").open() as file:
+        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    assert len(rows) == 64
+    for row in rows:
+        assert row["lift_n"] == pytest.approx(row["pressure_lift_n"] + row["viscous_lift_n"], abs=1e-6)
+    quarter = rows[16]
+    assert quarter["lift_n"] == pytest.approx(2 * FakeFlow.lift_of_panel(quarter["phase"] * PERIOD), abs=0.01)
+    assert quarter["viscous_drag_n"] == pytest.approx(-0.008)
+    assert (tmp_path / "phases.png").stat().st_size > 10_000
+
+
+def test_inertia_is_that_of_film_and_rods(fake_flow, case):
+    history = running.simulate(case).history
+    mass = case.nodal_mass()
+    assert mass.sum() == pytest.approx(2 * 2.6e-4, rel=0.15), "two panels"
+    speed = [np.array([mass @ case.motion().state(t).v]) for t in history.time[[400, 500]]]
+    steps = history.inertial[401:501].sum(axis=(0, 1)) / FakeFlow.steps_per_second
+    np.testing.assert_allclose(steps, (speed[0] - speed[1])[0], atol=1e-12)
+
+
+def test_flexible_wings_that_leave_the_box_stop_the_run(case):
+    x = np.array([[0.0, 0.1, 0.0], [0.0, 0.1, 0.2]])
+    with pytest.raises(
+        WorkError, match=r"left the box at t = 0.01000 s: z = 0.000 .. 0.200 m; allowed: -0.156"
+    ):
+        cases.check_inside(case, x, 0.01)
