@@ -76,6 +76,12 @@ def test_an_artefact_alone_changes_only_its_stream():
     np.testing.assert_array_equal(plain.wind, quiet.wind)
 
 
+def _lag(signals):
+    """Correlate the current with the voltage turned over and give the samples by which it follows."""
+    v, i = -signals.voltage + signals.voltage.mean(), signals.current - signals.current.mean()
+    return int(np.argmax([np.dot(v[20:-60], i[20 + k : len(i) - 60 + k]) for k in range(-10, 40)])) - 10
+
+
 @pytest.mark.parametrize(
     ("artefact", "seen"),
     [
@@ -89,6 +95,28 @@ def test_an_artefact_alone_changes_only_its_stream():
         ({"resonance_frequency": 24.0}, lambda s, p: s.force[:, 2].std() > 2 * p.force[:, 2].std()),
         ({"scope_bits": 4}, lambda s, p: len(np.unique(s.current)) < 0.5 * len(np.unique(p.current))),
         ({"warm_up": 1.0}, lambda s, p: np.mean(s.force - p.force, axis=0)[1] > 0.9),
+        ({"pwm": 0.5}, lambda s, p: s.force[:, 2].std() > p.force[:, 2].std() + 0.05),
+        ({"misalignment_yaw_deg": 5.0}, lambda s, p: s.force[:, 1].std() > 1.15 * p.force[:, 1].std()),
+        ({"misalignment_deg": 5.0}, lambda s, p: np.std(s.force[:, 0] - p.force[:, 0]) > 0.02),
+        ({"blockage": 0.05}, lambda s, p: abs(np.mean(p.wind / s.wind) - 1.05) < 1e-3),
+        ({"channel_skew": 2e-3}, lambda s, p: abs(_lag(s) - _lag(p) - 4) <= 1),
+        (
+            {"rolling_stamp": 5e-3},
+            lambda s, p: np.ptp(s.angle_stamps - p.angle_stamps[: len(s.angle_stamps)]) > 4e-3,
+        ),
+        (
+            {"gain_error": 0.5},
+            lambda s, p: abs(s.truth.force_gain - 1.0) > 10 * abs(p.truth.force_gain - 1.0),
+        ),
+        ({"force_offset": 5.0}, lambda s, p: np.abs(np.mean(s.force - p.force, axis=0)[:3]).max() > 0.5),
+        ({"bias_drift": 0.2}, lambda s, p: np.abs(np.mean(s.force - p.force, axis=0)[:3]).max() > 0.02),
+        ({"thermal": 0.5}, lambda s, p: np.mean(s.force - p.force, axis=0)[1] > 0.05),
+        ({"white_noise": 0.5}, lambda s, p: s.force[:, 1].std() > 0.4),
+        ({"clock_offset": 0.5}, lambda s, _: max(abs(c.offset) for c in s.clocks.values()) > 0.06),
+        ({"clock_skew": 5e-3}, lambda s, _: max(abs(c.skew) for c in s.clocks.values()) > 1e-4),
+        ({"commutation": 0.5}, lambda s, p: np.diff(s.current).std() > 2 * np.diff(p.current).std()),
+        ({"source_resistance": 0.0}, lambda s, p: s.voltage.std() < 0.5 * p.voltage.std()),
+        ({"pixel_noise_deg": 0.0}, lambda s, p: np.diff(s.angle).std() < 0.7 * np.diff(p.angle).std()),
         ({"current_ripple": 0.0}, lambda s, p: s.current.std() < 0.5 * p.current.std()),
     ],
 )
@@ -177,3 +205,40 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file"):
         synthesise(tmp_path / "file" / "bag" / "a.mcap", SHORT)
+
+
+def test_a_still_run_holds_weight_alone_or_weight_and_wind():
+    quiet = Artefacts(bias_drift=0.0, gain_error=0.0, force_offset=0.0, misalignment_deg=0.0)
+    base = replace(SHORT, seconds=3.0, artefacts=quiet, scatter=Scatter(angle_deg=0.0, angle_rocking_deg=0.0))
+    off, wind = (generate(replace(base, run=run)) for run in ("wind_off", "wings_still"))
+    angle, weight = np.radians(15.0), quiet.weight
+    expected = (-weight * np.sin(angle), 0.0, -weight * np.cos(angle))
+    np.testing.assert_allclose(off.force[:, :3].mean(axis=0), expected, atol=1e-3)
+    assert off.tares == ()
+    assert off.wind.max() == 0.0
+    assert wind.force[:, 2].mean() > off.force[:, 2].mean() + 0.01
+    assert wind.wind.mean() == pytest.approx(3.5, abs=0.1)
+    assert off.truth.cycles == wind.truth.cycles == 0
+    assert (off.voltage * off.current).mean() == pytest.approx(0.2, rel=0.1)  # electronics alone
+
+
+def test_recordings_may_share_a_sensor():
+    a, b, c = (
+        generate(replace(SHORT, seed=seed, sensor_seed=sensor))
+        for seed, sensor in ((1, 9), (2, 9), (2, None))
+    )
+    assert a.truth.force_gain == b.truth.force_gain != c.truth.force_gain
+
+
+def test_lost_edges_and_jumps_show_in_the_file(tmp_path):
+    synthesise(
+        tmp_path / "a.mcap", replace(SHORT, seconds=6.0, artefacts=Artefacts(trigger_loss=0.5, time_jump=2.0))
+    )
+    with open_recording(tmp_path / "a.mcap") as recording:
+        assert recording.topics["/rig/trigger"].count < 26
+        blocks = [
+            interfaces.deserialise(m.data, m.type_name) for m in recording.messages(["/rig/wrench_block"])
+        ]
+    steps = np.diff([stamp_ns(block) for block in blocks]) * 1e-9
+    assert sum(steps > 1.5) == 1
+    assert {block.lost for block in blocks} == {0}
