@@ -27,6 +27,7 @@ from cwmav_rig.blocks import Block, Series
 
 Array = NDArray[np.float64]
 
+ENOUGH = 250.0  # Hz, of a stream whose lines at F and 2 F are looked for
 GRID = 50.0  # Hz, of the correlated frequencies
 LARGEST_OFFSET = 2.0  # s
 LEAST_CORRELATION = 0.25  # of the frequencies; below it the stream does not show the flapping
@@ -88,7 +89,7 @@ def fit_phase(
     sampled = uniform(stream, column)
     if sampled is None or len(bounds) < 16:
         return None
-    time, values, good = sampled
+    time, values, good = _thinned(*sampled)
     frequency = (len(bounds) - 1) / (bounds[-1] - bounds[0])
     found = _line_phase(time, values, good, frequency)
     if found is None:
@@ -110,7 +111,7 @@ def lag_of(bounds: Array, stream: Block | Series, column: str = "") -> tuple[flo
     sampled = uniform(stream, column)
     if sampled is None or len(bounds) < 16:
         return None
-    time, values, good = sampled
+    time, values, good = _thinned(*sampled)
     found = _line_phase(time, values, good, (len(bounds) - 1) / (bounds[-1] - bounds[0]))
     if found is None:
         return None
@@ -140,6 +141,18 @@ def uniform(stream: Block | Series, column: str) -> tuple[Array, Array, NDArray[
     if good.sum() < 100 or time[-1] - time[0] < LEAST_SPAN:
         return None
     return time, np.where(good, values, values[good].mean()), good
+
+
+def _thinned(time: Array, values: Array, good: NDArray[np.bool_]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Average neighbours down to a rate that still holds both lines many times, which saves memory."""
+    rate = (len(time) - 1) / (time[-1] - time[0])
+    every = max(1, int(rate / ENOUGH))
+    if every == 1:
+        return time, values, good
+    n = len(time) // every * every
+    parts = (part[:n].reshape(-1, every) for part in (time, values, good))
+    times, means, whole = (part.mean(axis=1) for part in parts)
+    return times, means, whole == 1.0
 
 
 def _line_phase(
