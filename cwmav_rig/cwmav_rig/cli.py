@@ -110,6 +110,39 @@ def plot(
 
 
 @cli.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(help="An .mcap file or a rosbag2 folder.")],
+    topics: Annotated[Path | None, typer.Option(help="Topic map (YAML).")] = None,
+    start: Annotated[float, typer.Option(help="Where to begin [s].", min=0.0)] = 0.0,
+    as_json: Json = False,
+) -> None:
+    """Replay in lock step, faster than real time: every cycle and the report as the node would give them.
+
+    The same recording gives the same output every time, whatever the load of the machine.
+    """
+    from cwmav_common.mcap_io import open_recording
+    from cwmav_rig.live import CycleEvent, run_in_lock_step
+    from cwmav_rig.replay import Player
+    from cwmav_rig.text import report_lines
+    from cwmav_rig.topic_map import load_topic_map, resolve
+
+    events: list[CycleEvent] = []
+    with open_recording(bag) as recording:
+        mapped = resolve(recording, load_topic_map(topics) if topics else None)
+        with Player(recording, start_offset=start) as player:
+            report = run_in_lock_step(player, mapped, events.append).report()
+    for problem in report.problems:
+        message(problem)
+    cycles = [{"stamp_ns": e.stamp_ns, "flapping_frequency_hz": e.frequency} for e in events]
+    lines = [f"{e.stamp_ns * 1e-9:.6f} s  {e.frequency:.4f} Hz" for e in events]
+    emit(
+        {"bag": str(bag), "cycles": cycles, "report": report.to_json()},
+        as_json,
+        [*lines, *report_lines(report)],
+    )
+
+
+@cli.command()
 def record(
     bench: Annotated[Path, typer.Argument(help="Which instruments are on the bench (YAML).")],
     out: Annotated[Path, typer.Option(help="An .mcap file, or a name without suffix for a rosbag2 folder.")],

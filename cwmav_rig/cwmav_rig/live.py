@@ -6,7 +6,7 @@ The same reader and analysis serve a replayed recording, a live one and a file r
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +17,14 @@ from cwmav_common.mcap_io import Batch, Message, Topic
 from cwmav_rig.analysis import RigReport, analyse_data
 from cwmav_rig.blocks import Block
 from cwmav_rig.cycles import find_cycles
+from cwmav_rig.replay import Player
 from cwmav_rig.sources.mcap import RigReader
 from cwmav_rig.topic_map import TopicMap
 
 Array = NDArray[np.float64]
 WINDOW = 4.0  # s of force in which new cycles are looked for
 EVERY = 0.5  # s of force between looks
+PART = 250_000_000  # ns of messages that are pushed together in lock step
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,37 @@ class LiveRig:
         if len(cycles.bounds):
             self._reported = max(self._reported, float(cycles.bounds[-1]))
         return events
+
+
+def run_in_lock_step(
+    player: Player, topic_map: TopicMap, on_cycle: Callable[[CycleEvent], None] = lambda event: None
+) -> LiveRig:
+    """Push a whole recording through the live path as fast as it goes, the same way every time.
+
+    What a node would have said live comes out of this without a clock, so that the load of the machine
+    changes nothing.
+
+    Parameters
+    ----------
+    on_cycle
+        Called with every flapping cycle, in order.
+
+    Returns
+    -------
+    LiveRig
+        Ready to report on everything that came in.
+    """
+    live = LiveRig(topic_map, player.recording.topics, str(player.recording.path))
+    part: list[Message] = []
+    for message in player.lock_step():
+        if part and message.log_time_ns - part[0].log_time_ns > PART:
+            for event in live.push(part):
+                on_cycle(event)
+            part = []
+        part.append(message)
+    for event in live.push(part):
+        on_cycle(event)
+    return live
 
 
 def batches(messages: Iterable[Message], topics: Mapping[str, Topic], wanted: set[str]) -> list[Batch]:

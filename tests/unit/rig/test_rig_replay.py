@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Replay on a clock that the test turns, in lock step, and the live view of it."""
 
+import contextlib
+import json
+
 import numpy as np
 import pytest
 
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_io import open_recording
 from cwmav_rig.analysis import analyse
+from cwmav_rig.cli import main
 from cwmav_rig.live import LiveRig
 from cwmav_rig.replay import Player
 from cwmav_rig.topic_map import resolve
@@ -167,3 +171,21 @@ def test_a_live_rig_without_beat_gives_no_cycles(small_bag):
         assert rig.push(still) == []
         with pytest.raises(InputError, match="no force samples"):
             rig.report()
+
+
+def test_lock_step_says_every_time_what_the_live_view_says(small_bag, capsys, monkeypatch):
+    outputs = []
+    for _ in range(2):
+        monkeypatch.setattr("sys.argv", ["cwmav-rig", "replay", str(small_bag), "--json"])
+        with contextlib.suppress(SystemExit):
+            main()
+        outputs.append(capsys.readouterr().out)
+    assert outputs[0] == outputs[1]
+    content = json.loads(outputs[0])
+    expected = analyse(small_bag)
+    assert content["report"]["flapping_frequency_hz"]["std"] == pytest.approx(
+        expected.flapping_frequency.std, rel=1e-9
+    )
+    stamps = [cycle["stamp_ns"] for cycle in content["cycles"]]
+    assert stamps == sorted(stamps)
+    assert len(stamps) > 0.8 * expected.cycles
