@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cwmav_common import cluster
 from cwmav_common.errors import InputError
 from cwmav_common.workers import Channel, WorkerPool
 from cwmav_rbdo.dispatch import Evaluator
@@ -26,7 +27,6 @@ from cwmav_rbdo.tasks import evaluate_task, task_text
 from cwmav_rbdo.wing_problem import WingProblem
 
 Array = NDArray[np.float64]
-_CONNECT = 15.0  # s
 
 
 class ExecutorEvaluator:
@@ -114,27 +114,14 @@ class ClusterEvaluator:
     """
 
     def __init__(self, problem: Problem, address: str) -> None:
-        try:
-            import distributed
-        except ImportError:
-            raise InputError(
-                "dispatch.cluster needs the package distributed: pip install 'cwmav[cluster]'"
-            ) from None
         self._text = task_text(problem)
-        connect: Any = distributed.Client
-        try:
-            self._client = connect(address, timeout=_CONNECT, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"dispatch.cluster: no scheduler answers at {address} ({' '.join(str(error).split())})"
-            ) from None
+        self._client = cluster.connect(address, "dispatch.cluster")
         self._executor = self._client.get_executor(pure=False)
 
     @property
     def workers(self) -> int:
         """Threads of all workers there now; one while there is none, so that points wait for the first."""
-        threads: int = sum(self._client.nthreads().values())
-        return max(1, threads)
+        return cluster.threads(self._client)
 
     def submit(self, point: Array) -> Future[Any]:
         """Start one evaluation; cancelling the future cancels the task."""
@@ -163,7 +150,7 @@ def problem_evaluator(problem: Problem) -> Evaluator:
     return FormulaEvaluator(problem, evaluated_names(problem))
 
 
-def with_evaluation(problem: Problem, workers: int, cluster: str) -> Problem:
+def with_evaluation(problem: Problem, workers: int, address: str) -> Problem:
     """Change who evaluates a problem, as the command line does; 0 and empty leave it as it is.
 
     Raises
@@ -171,8 +158,8 @@ def with_evaluation(problem: Problem, workers: int, cluster: str) -> Problem:
     InputError
         A wing study that asks for ROS has no workers of its own to set: the simulation nodes have.
     """
-    if cluster:
-        problem = replace(problem, dispatch=replace(problem.dispatch, cluster=cluster))
+    if address:
+        problem = replace(problem, dispatch=replace(problem.dispatch, cluster=address))
     if workers and isinstance(problem, GeneralProblem):
         problem = replace(problem, dispatch=replace(problem.dispatch, workers=workers))
     elif workers and isinstance(problem, WingProblem):

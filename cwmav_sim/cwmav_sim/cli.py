@@ -6,7 +6,12 @@ from __future__ import annotations
 import logging
 import sys
 import time
+<<<<<<< HEAD
 from collections.abc import Mapping, Sequence
+=======
+from collections.abc import Sequence
+from contextlib import closing
+>>>>>>> 6056806 (Sweeps in several processes and on a dask cluster, through one seam)
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -114,10 +119,17 @@ def sweep(
     preset: Preset = "smoke",
     assignments: Set = None,
     device: Device = "cpu",
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes that share the threads of this machine.")
+    ] = 1,
+    cluster: Annotated[
+        str, typer.Option(help="Scheduler of a dask cluster to run on instead, such as tcp://host:8786.")
+    ] = "",
     json: Json = False,
 ) -> None:
     """Simulate many operating points, keeping every result as soon as it is there."""
     from cwmav_sim import run as running
+    from cwmav_sim import runners
     from cwmav_sim import sweep as sweeping
     from cwmav_sim.store import ResultStore
 
@@ -136,12 +148,17 @@ def sweep(
         else:
             note = f"failed: {outcome.reason}"
         bar.update(1, note)
-        message(f"{number + 1}/{len(points)}  {describe_point(points[number])}  {note}")
+        message(f"case {number + 1} of {len(points)}  {describe_point(points[number])}  {note}")
 
-    with progress(len(points), "sweep", "case") as bar:
-        swept = sweeping.sweep(
-            points, ResultStore(out / "store"), lambda c: running.simulate(c, device=device), keep
-        )
+    runner: runners.Runner
+    if cluster:
+        runner = runners.Cluster(cluster, device)
+    elif workers > 1:
+        runner = runners.Processes(workers, device)
+    else:
+        runner = runners.InProcess(lambda case: running.simulate(case, device=device))
+    with progress(len(points), "sweep", "case") as bar, closing(runner):
+        swept = sweeping.sweep(points, ResultStore(out / "store"), runner, keep)
     content = {"cases": [r.to_json() for r in swept.results], "failed": list(swept.failed)}
     done = f"{len(swept.results)} results ({swept.computed} computed now) in {out / 'sweep.csv'}"
     emit(content, json, [done])

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many operating points, one after the other, resumable through the result store."""
+"""Many operating points, resumable through the result store."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,11 +15,10 @@ from scipy.stats import qmc
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_sim.case import Case
 from cwmav_sim.result import LiftResult
+from cwmav_sim.runners import Runner
 from cwmav_sim.store import ResultStore
 
 COLUMNS = ("F_hz", "U_m_s", "AoA_deg")
-
-Simulate = Callable[[Case], LiftResult]
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def cases_of(base: Case, points: Iterable[tuple[float, float, float]]) -> list[C
 def sweep(
     cases: Sequence[Case],
     store: ResultStore,
-    simulate: Simulate,
+    runner: Runner,
     on_result: Callable[[int, LiftResult | Failure], None] | None = None,
 ) -> SweepResult:
     """Run every case that the store does not hold.
@@ -131,36 +131,49 @@ def sweep(
         What to run.
     store : ResultStore
         Where results are looked up and kept; a sweep started again continues there.
-    simulate : callable
-        Runs one case.
+    runner : Runner
+        Runs cases, several at a time.
     on_result : callable, optional
-        Told after each case its number and its result or failure.
+        Told the number of each case and its result or failure, as soon as it is known.
 
     Returns
     -------
     SweepResult
         A case whose run fails is listed, and the sweep goes on.
     """
-    results: list[LiftResult] = []
-    failed: list[Failure] = []
-    computed = 0
-    for number, case in enumerate(cases):
-        outcome: LiftResult | Failure | None = store.get(case)
-        if outcome is None:
-            computed += 1
-            outcome = _run(case, store, simulate)
-        if isinstance(outcome, LiftResult):
-            results.append(outcome)
-        else:
-            failed.append(outcome)
+    outcomes: dict[int, LiftResult | Failure] = {}
+
+    def keep(number: int, outcome: LiftResult | Failure) -> None:
+        outcomes[number] = outcome
         if on_result is not None:
             on_result(number, outcome)
-    return SweepResult(tuple(results), tuple(failed), computed)
+
+    waiting: list[int] = []
+    for number, case in enumerate(cases):
+        stored = store.get(case)
+        if stored is None:
+            waiting.append(number)
+        else:
+            keep(number, stored)
+    computed = len(waiting)
+    running: dict[Future[LiftResult], int] = {}
+    while waiting or running:
+        while waiting and len(running) < runner.workers:
+            number = waiting.pop(0)
+            running[runner.submit(cases[number])] = number
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            number = running.pop(future)
+            keep(number, _settle(cases[number], future, store))
+    ordered = [outcomes[number] for number in range(len(cases))]
+    results = tuple(outcome for outcome in ordered if isinstance(outcome, LiftResult))
+    failed = tuple(outcome for outcome in ordered if isinstance(outcome, Failure))
+    return SweepResult(results, failed, computed)
 
 
-def _run(case: Case, store: ResultStore, simulate: Simulate) -> LiftResult | Failure:
+def _settle(case: Case, future: Future[LiftResult], store: ResultStore) -> LiftResult | Failure:
+    """Keep the result of a finished case, or say why there is none."""
     try:
-        result = simulate(case)
+        result = future.result()
     except CancelledError:
         raise
     except WorkError as error:

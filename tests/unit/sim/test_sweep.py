@@ -8,6 +8,7 @@ import pytest
 
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_sim import case as cases
+from cwmav_sim.runners import InProcess
 from cwmav_sim.store import ResultStore
 from cwmav_sim.sweep import cases_of, latin_hypercube, read_points, sweep, write_points, write_table
 from cwmav_sim.table import read_rows
@@ -28,8 +29,8 @@ def test_second_sweep_computes_nothing(tmp_path, points):
         calls.append(case)
         return result_for(case, lift=0.01 * len(calls))
 
-    first = sweep(points, ResultStore(tmp_path), simulate)
-    second = sweep(points, ResultStore(tmp_path), simulate)
+    first = sweep(points, ResultStore(tmp_path), InProcess(simulate))
+    second = sweep(points, ResultStore(tmp_path), InProcess(simulate))
     assert len(calls) == 3
     assert (first.computed, second.computed) == (3, 0)
     assert first.results == second.results
@@ -42,8 +43,8 @@ def test_interrupted_sweep_continues_where_it_stopped(tmp_path, points):
         return result_for(case, lift=0.1)
 
     with pytest.raises(CancelledError):
-        sweep(points, ResultStore(tmp_path), stop_at_second)
-    rest = sweep(points, ResultStore(tmp_path), lambda case: result_for(case, lift=0.1))
+        sweep(points, ResultStore(tmp_path), InProcess(stop_at_second))
+    rest = sweep(points, ResultStore(tmp_path), InProcess(lambda case: result_for(case, lift=0.1)))
     assert rest.computed == 2
 
 
@@ -54,7 +55,7 @@ def test_failed_case_is_listed_and_the_sweep_goes_on(tmp_path, points):
         return result_for(case, lift=0.1)
 
     seen = []
-    swept = sweep(points, ResultStore(tmp_path), fail_at_second, lambda k, outcome: seen.append(k))
+    swept = sweep(points, ResultStore(tmp_path), InProcess(fail_at_second), lambda k, outcome: seen.append(k))
     assert [r.flapping_frequency for r in swept.results] == [8.0, 24.0]
     assert swept.failed[0].reason == "the flow became undefined"
     assert (swept.failed[0].F_hz, swept.failed[0].AoA_deg, swept.failed[0].U_m_s) == POINTS[1]
