@@ -6,12 +6,8 @@ from __future__ import annotations
 import logging
 import sys
 import time
-<<<<<<< HEAD
 from collections.abc import Mapping, Sequence
-=======
-from collections.abc import Sequence
 from contextlib import closing
->>>>>>> 6056806 (Sweeps in several processes and on a dask cluster, through one seam)
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -138,12 +134,12 @@ def sweep(
     points = sweeping.cases_of(base, sweeping.read_points(table))
     out.mkdir(parents=True, exist_ok=True)
     cases.dump_case(base, out / "config.yaml")
-    results: list[LiftResult] = []
+    results: dict[int, LiftResult] = {}
 
     def keep(number: int, outcome: LiftResult | sweeping.Failure) -> None:
         if isinstance(outcome, LiftResult):
-            results.append(outcome)
-            sweeping.write_table(results, out / "sweep.csv")
+            results[number] = outcome
+            sweeping.write_table([results[k] for k in sorted(results)], out / "sweep.csv")
             note = f"{outcome.mean_lift:.4f} N, {outcome.wall_s:.0f} s"
         else:
             note = f"failed: {outcome.reason}"
