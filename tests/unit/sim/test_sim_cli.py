@@ -118,7 +118,7 @@ def test_sweep_lists_results_and_resumes(call, tmp_path):
     assert status == 0
     assert [c["F_hz"] for c in content["cases"]] == [12, 16]
     assert content["failed"] == []
-    assert "2/2" in err
+    assert "case 2 of 2" in err
     first = (out_folder / "sweep.csv").read_text()
 
     class Never(SteadyFlow):
