@@ -173,15 +173,33 @@ def evidence(
 def reproduce(
     table: Annotated[str, typer.Argument(help="table1, table3, table5, table6, table7 or all.")],
     cases: Annotated[Path | None, typer.Option(help="CSV of simulated lifts, for tables 1 and 3.")] = None,
+    simulate: Annotated[
+        Path | None, typer.Option(help="Run the rows of tables 1 and 3 now; their folder, resumable.")
+    ] = None,
+    preset: Annotated[str, typer.Option(help="Preset of the runs of --simulate.")] = "coarse",
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Change a setting of those runs, e.g. --set wing.model=lattice."),
+    ] = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs that the counts are taken over.")] = 1,
     as_json: Json = False,
 ) -> None:
     """Put the paper's tables beside ours, with every decision named."""
     from cwmav_rbdo.reproduction import report
+    from cwmav_rbdo.reproduction.simulated import Runs, simulate_rows
 
     names = report.chosen(table)
+    if cases is not None and simulate is not None:
+        raise InputError("--cases and --simulate exclude each other: lifts are read or run")
+    if assignments and simulate is None:
+        raise InputError("--set changes the runs of --simulate; add --simulate DIR")
+    runs = None if simulate is None else Runs(simulate, preset, tuple(assignments or ()))
+    if runs is not None:
+        cases = simulate_rows(names, runs, lambda k, n, what: message(f"{k}/{n}  {what}"))
     found = report.reproduce(names, cases, seed, seeds)
+    if runs is not None:
+        found["runs"] = runs.describe()
     emit(found, as_json, report.lines(found))
 
 

@@ -152,7 +152,9 @@ def sweep(
     elif workers > 1:
         runner = runners.Processes(workers, device)
     else:
-        runner = runners.InProcess(lambda case: running.simulate(case, device=device))
+        runner = runners.InProcess(
+            lambda case: running.simulate(case, out=out / "runs" / case.address(), resume=True, device=device)
+        )
     with progress(len(points), "sweep", "case") as bar, closing(runner):
         swept = sweeping.sweep(points, ResultStore(out / "store"), runner, keep)
     content = {"cases": [r.to_json() for r in swept.results], "failed": list(swept.failed)}

@@ -60,6 +60,8 @@ def reproduce(names: Sequence[str], cases: Path | None, seed: int, seeds: int) -
 
 def lines(found: dict[str, Any]) -> Iterator[str]:
     """Give everything as text."""
+    if "runs" in found:
+        yield f"runs at the rows: {found['runs']}"
     for table in found.get("tables", [found]):
         yield f"{table['table']}   (paper | ours)"
         for row in table["rows"]:
