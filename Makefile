@@ -95,7 +95,9 @@ verify-long: setup
 	@$(BIN)/cwmav-sim verify --all --record docs/reference
 
 bench: setup
-	@$(BIN)/python -m pytest -m bench $(PYTEST_ARGS)
+	@$(PIP_INSTALL)
+	install "installing the peers of the benchmarks" --editable '.[ros,dev,bench]'
+	$(BIN)/python -m pytest -m bench $(if $(RECORD),--record-benchmarks $(RECORD)) $(PYTEST_ARGS) tests/bench
 
 lint: setup
 	@$(BIN)/ruff check .
