@@ -30,6 +30,12 @@ NUGGET_BOUNDS = (1e-12, 1.0)
 
 SCREENING_PER_VARIABLE = 10
 ITERATIONS = 100
+_FIRST = 8
+"""Iterations of every start before it is decided which of them go on."""
+_RIVAL = 10.0
+"""Log-likelihood by which a start may be behind then and still overtake."""
+_TOGETHER = 0.1
+"""Logarithms of hyperparameters closer than this are on the same hill."""
 _APART = 0.7
 """Least distance of two starts in the logarithm of some hyperparameter: a factor of two."""
 
@@ -190,24 +196,35 @@ class Likelihood:
 def maximise(likelihood: Likelihood, starts: Array) -> Hyperparameters:
     """Climb from every start with L-BFGS-B and return the best end.
 
+    All climb a little; to the top go the best and those that may still overtake it from elsewhere.
+
     Parameters
     ----------
     likelihood : Likelihood
     starts : (k, number of hyperparameters) array
     """
-    best_value, best_point = np.inf, starts[0]
-    for start in starts:
-        found = minimize(
-            likelihood,
-            start,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=likelihood.bounds,
-            options={"maxiter": ITERATIONS, "ftol": 1e-7, "gtol": 1e-6},
-        )
-        if found.fun < best_value:
-            best_value, best_point = float(found.fun), found.x
+    begun = sorted((_climb(likelihood, start, _FIRST) for start in starts), key=lambda end: end[0])
+    n = len(likelihood.f)
+    rivals: list[tuple[float, Array]] = []
+    for value, point in begun:
+        near = any(np.max(np.abs(point - other)) < _TOGETHER for _, other in rivals)
+        if not near and (value - begun[0][0]) * n < _RIVAL:
+            rivals.append((value, point))
+    ends = [_climb(likelihood, point, ITERATIONS) for _, point in rivals]
+    best_value, best_point = min([*begun, *ends], key=lambda end: end[0])
     length, variance, nugget = likelihood.unpack(best_point)
     return Hyperparameters(
-        best_point, length, variance if likelihood.noisy else None, nugget, -best_value * len(likelihood.f)
+        best_point, length, variance if likelihood.noisy else None, nugget, -best_value * n
     )
+
+
+def _climb(likelihood: Likelihood, start: Array, iterations: int) -> tuple[float, Array]:
+    found = minimize(
+        likelihood,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=likelihood.bounds,
+        options={"maxiter": iterations, "ftol": 1e-7, "gtol": 1e-6},
+    )
+    return float(found.fun), np.asarray(found.x)
