@@ -182,7 +182,7 @@ def reproduce(
         typer.Option("--set", help="Change a setting of those runs, e.g. --set wing.model=lattice."),
     ] = None,
     seed: Seed = 0,
-    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs that the counts are taken over.")] = 1,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs that the counts are taken over.")] = 30,
     as_json: Json = False,
 ) -> None:
     """Put the paper's tables beside ours, with every decision named."""
