@@ -95,3 +95,11 @@ def test_setup_scripts_and_distribution_offer_the_same_programs() -> None:
         assert f"{node} = {{name}}.nodes.{node}:main" in text
         offered |= set(re.findall(r"(cwmav-\w+) = ", text))
     assert offered == set(scripts)
+
+
+def test_readme_names_every_library_for_a_system_without_wheels() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = {re.match(r"[\w-]+", entry).group() for entry in project["dependencies"]}
+    readme = (ROOT / "README.md").read_text()
+    command = re.search(r"pip install --break-system-packages ((?:.*\\\n)*.*)", readme).group(1)
+    assert set(command.replace("\\", " ").split()) == needed
