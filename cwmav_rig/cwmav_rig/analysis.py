@@ -27,7 +27,8 @@ from cwmav_rig.cycles import Cycles, find_cycles
 from cwmav_rig.loads import Loads, lift_and_drag
 from cwmav_rig.raw_spectrum import remarks
 from cwmav_rig.report import RigReport
-from cwmav_rig.sources.mcap import RigData, load
+from cwmav_rig.sources.mcap import load
+from cwmav_rig.sources.reader import RigData
 from cwmav_rig.spectra import mains_collision, mount_resonance, power_spectrum
 from cwmav_rig.streams import (
     LARGEST_BAD_SHARE,

@@ -11,7 +11,7 @@ from cwmav_rig import align
 from cwmav_rig.align_phase import fit_phase, lag_of
 from cwmav_rig.blocks import Block, Series
 from cwmav_rig.cycles import Cycles
-from cwmav_rig.sources.mcap import RigData
+from cwmav_rig.sources.reader import RigData
 from cwmav_rig.streams import on_one_clock
 from cwmav_rig.topic_map import TopicMap
 

@@ -18,7 +18,7 @@ from cwmav_rig.analysis import RigReport, analyse_data
 from cwmav_rig.blocks import Block
 from cwmav_rig.cycles import find_cycles
 from cwmav_rig.replay import Player
-from cwmav_rig.sources.mcap import RigReader
+from cwmav_rig.sources.reader import RigReader
 from cwmav_rig.topic_map import TopicMap
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cwmav_common.errors import InputError
 from cwmav_rig import align
 from cwmav_rig.blocks import Block, Series
-from cwmav_rig.sources.mcap import RigData
+from cwmav_rig.sources.reader import RigData
 from cwmav_rig.topic_map import TopicMap
 
 Array = NDArray[np.float64]
