@@ -86,6 +86,7 @@ def test_points_outside_the_design_space_are_refused(point, message):
     ("change", "message"),
     [
         ("flow.resolution.dp=-0.004", "dp.*-0.004.*> 0"),
+        ("flow.resolution.cfl=0.7", "cfl.*0.7.*<= 0.6"),
         ("flow.box.length=0.3", "flow.box: the wings reach x"),
         ("flow.box.height=0.2", "flow.box: the wings reach z"),
         ("flow.box.width=0.28", "flow.box: the wings reach y"),
@@ -99,6 +100,23 @@ def test_points_outside_the_design_space_are_refused(point, message):
 def test_settings_that_make_no_sense_are_refused(change, message):
     with pytest.raises(InputError, match=message):
         cases.with_overrides(cases.preset("smoke"), [change])
+
+
+def test_a_step_too_long_for_a_light_film_is_refused_with_its_limit():
+    light = ["wing.model=membrane", "structure.film.thickness=2e-6"]
+    with pytest.raises(InputError, match=r"cfl is 0.4 with a film of 1.84 g/m2, 0.13.*at most 0.143"):
+        cases.with_overrides(cases.preset("smoke"), light)
+    cases.with_overrides(cases.preset("smoke"), [*light, "flow.resolution.cfl=0.14"])
+    cases.with_overrides(cases.preset("smoke"), light[1:])
+
+
+def test_address_of_prescribed_wings_does_not_depend_on_a_structure_they_do_not_have():
+    case = cases.preset("smoke")
+    assert case.address() == cases.with_overrides(case, ["structure.film.density=1000"]).address()
+    flexible = cases.with_overrides(case, ["wing.model=membrane"])
+    assert flexible.address() != case.address()
+    assert flexible.address() != cases.with_overrides(flexible, ["structure.film.density=1000"]).address()
+    assert flexible.solver != case.solver
 
 
 def test_wings_stay_in_the_box_over_the_whole_design_space():
