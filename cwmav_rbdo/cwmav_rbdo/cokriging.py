@@ -231,6 +231,47 @@ class CoKriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return _Step(rho, fitted(rho))
 
 
+class WithCoarseRuns(CoKriging):
+    """Co-kriging whose coarser levels are there from the beginning; fitted like a Kriging to the finest.
+
+    Parameters
+    ----------
+    X, y, noise_variance, spacing : arrays
+        Samples of the coarser levels, as :meth:`CoKriging.fit` takes them.
+    coarse, discrepancy : Kriging, optional
+        Settings.
+    """
+
+    def __init__(
+        self,
+        X: Array,
+        y: Array,
+        noise_variance: Array,
+        spacing: Array,
+        coarse: Kriging | None = None,
+        discrepancy: Kriging | None = None,
+    ) -> None:
+        super().__init__(coarse, discrepancy)
+        self.X, self.y, self.noise_variance, self.spacing = X, y, noise_variance, spacing
+
+    def fit(  # type: ignore[override]
+        self, X: ArrayLike, y: ArrayLike, noise_variance: ArrayLike | None = None
+    ) -> Self:
+        """Fit to samples of the finest level."""
+        points, values = np.asarray(X, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        noise = np.zeros(len(values)) if noise_variance is None else np.asarray(noise_variance, dtype=float)
+        if len(values) < LEAST_FINE:
+            raise InputError(f"{len(values)} samples of the finest level; needed are {LEAST_FINE}")
+        finest = np.full(len(values), 0.5 * float(np.min(self.spacing)))  # only the order of spacings counts
+        super().fit(
+            np.vstack([self.X, points]),
+            np.concatenate([self.y, values]),
+            np.concatenate([self.spacing, finest]),
+            np.concatenate([self.noise_variance, np.broadcast_to(noise, values.shape)]),
+        )
+        return self
+
+
 def _in_blocks(
     function: Callable[[ar.Joint, Array], tuple[Array, Array]], joint: ar.Joint, Z: Array
 ) -> tuple[Array, Array]:

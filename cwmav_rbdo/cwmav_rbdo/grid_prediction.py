@@ -39,7 +39,7 @@ def predict_on_grid(model: Kriging, axes: Sequence[Array]) -> NDArray[np.float32
         Single precision, computed in double: the coefficients of Eq. 18 are large and cancel.
     """
     shape = tuple(len(axis) for axis in axes)
-    if model.kernel != "gaussian":
+    if not isinstance(model, Kriging) or model.kernel != "gaussian":
         return _point_by_point(model, axes)
     fitted = model.fitted_
     columns = terms(fitted.process.trend, fitted.X.shape[1])

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
 from cwmav_common.errors import InputError
+from cwmav_rbdo.cokriging import WithCoarseRuns
 from cwmav_rbdo.kriging import Kriging
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ class LiftToPower:
 
     Parameters
     ----------
-    lift, power : Kriging, optional
+    lift, power : Kriging, optional; the lift may also be a co-kriging
         Settings of the two; clones of them are fitted.
 
     Attributes
@@ -82,7 +83,7 @@ class LiftToPower:
         W.
     """
 
-    def __init__(self, lift: Kriging | None = None, power: Kriging | None = None) -> None:
+    def __init__(self, lift: Kriging | WithCoarseRuns | None = None, power: Kriging | None = None) -> None:
         self.lift = lift or Kriging()
         self.power = power or Kriging()
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from cwmav_common.errors import WorkError
 from cwmav_rbdo.ask_tell import Algorithm, AskTell, Point, Told
+from cwmav_rbdo.coarse_runs import lift_surrogate
 from cwmav_rbdo.criteria import judge, mean_square_error
 from cwmav_rbdo.evaluation import Answer, Evaluation, Request
 from cwmav_rbdo.goals import goal_of
@@ -128,7 +129,8 @@ class AcceleratedLoop:
             )
         settings = self.problem.surrogate
         kriging = Kriging(kernel=settings.kernel, trend=settings.trend)
-        model = DirectRatio(kriging) if settings.ratio == "direct" else LiftToPower(kriging, kriging)
+        lift = lift_surrogate(self.problem, kriging)
+        model = DirectRatio(kriging) if settings.ratio == "direct" else LiftToPower(lift, kriging)
         return model.fit(s.X, s.lift, s.power, s.lift_std**2, s.power_std**2)
 
     def _close_iteration(self, optimum: Optimum, max_mse: float, window: Window, promise: float) -> None:

@@ -85,6 +85,11 @@ class Source:
     )
     scatter_recording: str = setting("", "recording that the noise is measured on; none: the bundled one")
     topic_map: str = setting("", "topic map of the recordings; none: the suite's own names")
+    coarse_lifts: str = setting(
+        "",
+        "CSV of coarser runs that the lift surrogate also learns from: F_hz, U_m_s, AoA_deg, mean_lift_n, "
+        "lift_std_n, dp_m",
+    )
     workers: int = setting(1, "live runs at the same time", ge=1, le=256)
 
 
@@ -193,6 +198,8 @@ def _check_goal(problem: WingProblem) -> None:
             raise InputError("require.lift is missing; goal least_power needs it, in N")
         if problem.surrogate.ratio == "direct":
             raise InputError("surrogate.ratio is 'direct'; goal least_power needs 'propagated'")
+    if problem.source.coarse_lifts and problem.surrogate.ratio == "direct":
+        raise InputError("source.coarse_lifts needs surrogate.ratio 'propagated': they are lifts, not ratios")
     if problem.goal == "percentile" and problem.require.reliability <= 0.5:
         raise InputError(
             f"require.reliability is {problem.require.reliability:g}; goal percentile needs more than 0.5"

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cwmav_common.errors import InputError, WorkError
+from cwmav_rbdo.cokriging import CoKriging
 from cwmav_rbdo.evaluation import Answer, Evaluation
 from cwmav_rbdo.loop import AcceleratedLoop
+from cwmav_rbdo.sampling import latin_hypercube
 from cwmav_rbdo.window import WindowSettings
 from cwmav_rbdo.wing_problem import Requirement
 from support.ratio_bowl import BEST, NOISE, PEAK, evaluate, small_problem
@@ -157,3 +160,25 @@ def test_unknown_request_is_refused():
     loop.ask()
     with pytest.raises(InputError, match="request 77 is not open"):
         loop.tell(77, evaluate(np.array([10.0, 0.2, 3.0])))
+
+
+def test_coarser_runs_given_beforehand_save_evaluations(tmp_path):
+    # Coarse lifts are 30 % low and offset; their shape is what helps.
+    points = latin_hypercube(25, [4.0, -10.0], [30.0, 60.0], np.random.default_rng(5))
+    rows = ["F_hz,U_m_s,AoA_deg,mean_lift_n,lift_std_n,dp_m"]
+    for f, a in points:
+        lift = 0.7 * evaluate([f, math.radians(a), 3.0]).lift + 0.01
+        rows.append(f"{f},3.0,{a},{lift},0.0001,0.008")
+    path = tmp_path / "coarse.csv"
+    path.write_text("\n".join(rows) + "\n")
+    base = small_problem(method="default", initial_samples=4)
+    with_coarse, _ = solve(replace(base, source=replace(base.source, coarse_lifts=str(path))), seed=1)
+    alone, _ = solve(base, seed=1)
+    assert isinstance(with_coarse.surface.lift_, CoKriging)
+    assert with_coarse.surface.lift_.rho_ == pytest.approx([1 / 0.7], rel=0.05)
+    assert with_coarse.result().converged
+    assert abs(with_coarse.iterations[0].prediction / PEAK - 1.0) < 0.1
+    assert with_coarse.result().true_evaluations <= alone.result().true_evaluations
+    moved = replace(base, fixed={"U": 4.0}, source=replace(base.source, coarse_lifts=str(path)))
+    with pytest.raises(InputError, match="coarse.csv: 0 runs at U = 4; needed are at least 4"):
+        solve(moved)
