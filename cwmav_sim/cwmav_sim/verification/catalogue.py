@@ -10,6 +10,7 @@ from cwmav_sim.verification.cavity import LidDrivenCavity
 from cwmav_sim.verification.channel import Couette, Poiseuille
 from cwmav_sim.verification.clap_fling import ClapAndFling
 from cwmav_sim.verification.convergence import Convergence
+from cwmav_sim.verification.coupled import EnergyOfExchange
 from cwmav_sim.verification.cylinder import OscillatingCylinder, StartedCylinder
 from cwmav_sim.verification.hover import HoveringEllipse
 from cwmav_sim.verification.hydrostatic import HydrostaticColumn
@@ -42,6 +43,8 @@ def catalogue() -> tuple[VerificationCase, ...]:
         StartedCylinder(550, 20, length=16.0, height=16.0),
         OscillatingCylinder(),
         HoveringEllipse(),
+        EnergyOfExchange("membrane"),
+        EnergyOfExchange("lattice"),
         *(ClapAndFling(reynolds) for reynolds in (8, 32, 128)),
         *(LowAspectRatioPlate(angle) for angle in (20, 30, 40, 50, 10, 60)),
     )

@@ -12,6 +12,7 @@ from cwmav_sim import case as cases
 from cwmav_sim.coupling import node_normals
 from cwmav_sim.solver import Solver
 from cwmav_sim.sph.sheet import SheetLoad, SheetQuadrature
+from cwmav_sim.verification.coupled import EnergyOfExchange
 from cwmav_sim.wing.hinge import Hinges, panels
 from cwmav_sim.wing.prescribed import Attitude
 from cwmav_sim.wing.sheet import SheetState
@@ -195,7 +196,7 @@ def test_what_the_air_loses_the_wings_gain(model):
 def test_wings_lighter_than_the_air_they_carry_stay_calm(model):
     case = coarse(model, *LIGHT)
     motion, solver = solver_of(case)
-    for _ in range(80):
+    for _ in range(50):
         solver.step()
         assert np.abs(solver.sheet.v).max() < 10.0
     assert motion.structure.counters.halvings == 0
@@ -207,7 +208,7 @@ def test_without_carried_air_they_are_thrown_away(model):
     _, solver = solver_of(case)
 
     def go_on():
-        for _ in range(80):
+        for _ in range(50):
             solver.step()
             if np.abs(solver.sheet.v).max() > 10.0:
                 raise WorkError("thrown away")
@@ -218,19 +219,10 @@ def test_without_carried_air_they_are_thrown_away(model):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
-def test_a_cycle_at_twelve_millimetres_is_stable_and_its_energies_close(model):
-    case = cases.with_overrides(cases.preset("smoke"), [f"wing.model={model}"])
-    motion, solver = solver_of(case)
-    work = 0.0
-    while solver.time < 1.0 / case.flapping_frequency:
-        info = solver.step()
-        work += info.dt * float(info.power.sum())
-        assert np.abs(solver.sheet.v).max() < 15.0
-    e = motion.energies
-    assert work > 5e-3
-    assert e.load_work == pytest.approx(-work, rel=0.05)
-    assert abs(e.numerical) < 0.01 * e.drive_work
-    assert motion.structure.counters.halvings == 0
+def test_energies_of_a_cycle_at_twelve_millimetres_close(model):
+    checks = EnergyOfExchange(model).run()
+    assert checks[0].scale > 5e-3
+    assert [c.quantity for c in checks if not c.passed] == []
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -278,6 +270,7 @@ def test_unknown_model_is_refused():
         coarse("rubber")
 
 
+@pytest.mark.slow
 def test_plain_walls_move_flexible_wings_too():
     motion, solver = solver_of(coarse("membrane", "flow.sheet.treatment=dbc"))
     work = 0.0
