@@ -8,12 +8,18 @@ import pytest
 
 from cwmav_sim.solver import Solver
 from cwmav_sim.sph.timestep import stable_step
+from cwmav_sim.verification.added_mass import AddedMass
 from cwmav_sim.verification.catalogue import catalogue
+from cwmav_sim.verification.cavity import LidDrivenCavity
 from cwmav_sim.verification.channel import Couette, Poiseuille
+from cwmav_sim.verification.clap_fling import ClapAndFling, _fling
 from cwmav_sim.verification.convergence import observed_order
+from cwmav_sim.verification.cylinder import OscillatingCylinder, StartedCylinder
 from cwmav_sim.verification.flows import History, at_places, plane_flow
+from cwmav_sim.verification.hover import HoveringEllipse
 from cwmav_sim.verification.hydrostatic import HydrostaticColumn
 from cwmav_sim.verification.outlines import Chain, Pose, circle, half_ellipse, line, outlines
+from cwmav_sim.verification.taira import LowAspectRatioPlate
 from cwmav_sim.verification.taylor_green import TaylorGreen
 
 
@@ -135,3 +141,37 @@ def test_viscous_limit_of_the_step_rules_only_where_it_must():
 
 def test_observed_order_of_errors_that_fall_with_the_square():
     assert observed_order((10, 20, 40), (0.4, 0.1, 0.025)) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        LidDrivenCavity(100, 3.0, duration=0.2, cells=12),
+        LowAspectRatioPlate(30, cells=4, duration=0.4),
+        AddedMass("small", aspect_ratio=1.0, coefficient=0.579, cells=4),
+        pytest.param(StartedCylinder(40, 3, length=14.0, height=14.0), marks=pytest.mark.slow),
+        pytest.param(OscillatingCylinder(cells=6, side=6.0), marks=pytest.mark.slow),
+        pytest.param(HoveringEllipse(cells=6, cycles=1, side=5.0), marks=pytest.mark.slow),
+        pytest.param(ClapAndFling(32, cells=6, length=8.0, height=5.0), marks=pytest.mark.slow),
+    ],
+    ids=lambda case: case.name,
+)
+def test_a_long_case_runs_in_small_and_balances(case):
+    checks = case.run()
+    assert all(np.isfinite(c.value) for c in checks)
+    assert checks[-1].quantity.startswith("momentum")
+    assert checks[-1].passed
+
+
+def test_a_fling_ends_at_half_a_right_angle_and_full_speed():
+    for side in (1.0, -1.0):
+        start, end = _fling(0.0, side), _fling(5.0, side)
+        assert start.angle == 0.0
+        assert end.angle == pytest.approx(-side * np.pi / 4)
+        np.testing.assert_allclose(end.speed, [side, 0.0])
+        t = np.linspace(0.0, 3.0, 20001)
+        way = [_fling(s, side).place[0] for s in t]
+        speed = np.array([_fling(s, side).speed[0] for s in t])
+        np.testing.assert_allclose(np.gradient(way, t), speed, atol=1e-3)
+        rate = np.array([_fling(s, side).rate for s in t])
+        np.testing.assert_allclose(np.gradient([_fling(s, side).angle for s in t], t), rate, atol=1e-3)

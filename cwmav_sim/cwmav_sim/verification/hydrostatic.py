@@ -22,8 +22,8 @@ class HydrostaticColumn:
     name: str = "hydrostatic"
     summary: str = "column at rest under gravity: pressure, speed, weight on the floor"
     slow: bool = False
-    cells: int = 40
-    duration: float = 10.0
+    cells: int = 30
+    duration: float = 20.0
 
     def run(self) -> list[Check]:
         """Run the case and compare."""

@@ -26,6 +26,10 @@ class PlateAddedMass:
     set_back: float = 0.5
     jitter: float = 0.1
     chords: float = 8.0
+    remark: str = (
+        "the flow round a free edge is cut off at a spacing, so a plate acts longer by 2 (1 - set-back) "
+        "spacings (decision 0005)."
+    )
 
     def run(self) -> list[Check]:
         """Run the case and compare."""

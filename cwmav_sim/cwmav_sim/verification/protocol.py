@@ -61,7 +61,10 @@ class Check:
 
 
 class VerificationCase(Protocol):
-    """A run with a known answer."""
+    """A run with a known answer.
+
+    A case may also have a ``remark``: what is known of the cause where it misses a bar.
+    """
 
     @property
     def name(self) -> str:

@@ -73,13 +73,19 @@ class Record:
             "checks": json.loads(to_json([c.to_json() for c in checks])),
         }
         self._folder.mkdir(parents=True, exist_ok=True)
+        from cwmav_sim.verification.catalogue import catalogue
+
+        remarks = {c.name: getattr(c, "remark", "") for c in catalogue()}
         text = to_json(dict(sorted(self._entries.items()))) + "\n"
         (self._folder / _DATA).write_text(text, encoding="utf-8")
-        (self._folder / _TABLE).write_text(table(self._entries), encoding="utf-8")
+        (self._folder / _TABLE).write_text(table(self._entries, remarks), encoding="utf-8")
 
 
-def table(entries: Mapping[str, Any]) -> str:
-    """Return the results as Markdown: a summary, then the checks of every case."""
+def table(entries: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
+    """Return the results as Markdown: a summary, then the checks of every case.
+
+    The remark of a case is printed where a bar is missed: it says what is known of the cause.
+    """
     rows = [
         "| case | result | date | commit | solver | time | machine |",
         "| --- | --- | --- | --- | --- | --- | --- |",
@@ -107,6 +113,8 @@ def table(entries: Mapping[str, Any]) -> str:
             )
         sources = dict.fromkeys(c["source"] for c in entry["checks"])
         details += ["", f"Reference: {'; '.join(sources)}."]
+        if missed:
+            details += ["", f"Why: {remarks.get(name) or 'not known yet.'}"]
     return "\n".join([_HEAD, *rows, *details]) + "\n"
 
 

@@ -171,6 +171,7 @@ class StubCase:
     """A verification case with one right and one wrong number."""
 
     name, summary, slow = "stub", "two numbers", False
+    remark = "the air was never asked."
 
     def run(self):
         right = Check("stub", "mass [kg]", 1.05, 1.0, 1.0, 10.0, "a book")
@@ -214,6 +215,7 @@ def test_verify_keeps_the_last_result_of_every_case(call, monkeypatch, tmp_path)
     assert "| speed [m/s] | undefined | 0 | undefined % | 0.1 % | **missed** |" in text
     assert "| mass [kg] | 1.05 | 1 | 5 % | 10 % | pass |" in text
     assert "[older](#older) (long)" in text
+    assert "Why: the air was never asked." in text
     assert set(json.loads((tmp_path / "verification.json").read_text())) == {"older", "stub"}
 
 
