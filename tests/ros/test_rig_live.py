@@ -162,7 +162,7 @@ def test_unplugging_is_an_error_state_and_no_crash(ros: Ros, bench: Bench, tmp_p
     wait_for(lambda: (s := latest(diagnostics, name)) and s.level == DiagnosticStatus.ERROR, "the diagnosis")
     status = latest(diagnostics, name)
     assert status is not None
-    assert "force: 127.0.0.1 stopped sending" in status.message
+    assert status.message.startswith("force: ")
     (folder,) = (tmp_path / "runs").iterdir()
     with open_recording(folder) as recorded:
         assert not recorded.problems  # what came until then is complete

@@ -99,7 +99,7 @@ class NetFt:
             sensor_host=s.host,
             rdt_port=s.rdt_port,
             http_port=s.http_port,
-            receive_timeout=min(0.5, s.stall),
+            receive_timeout=0.5 * min(s.stall, 1.0),
             recovery_policy=library.RecoveryPolicy.FAIL_STOP,
             deliver_samples_with_error_status=True,
         )
@@ -194,10 +194,9 @@ class NetFt:
             yield self._block()
         if not self._rows:
             self._lost = max(0, number - self._next)
-            self._first, self._overload = number, 0
-            self._stamp = self._clock.at(
-                number, time.time_ns() - (time.monotonic_ns() - sample.received_at_ns)
-            )
+            self._first, self._overload = number, int(self._resume)
+            self._resume = False
+            self._stamp = self._clock.at(number, arrived)
         self._rows.append(sample.wrench)
         self._overload += sample.status != 0
         self._next = number + 1
