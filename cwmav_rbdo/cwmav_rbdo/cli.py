@@ -101,13 +101,14 @@ def reliability(
             f"{problem}: kind is '{task.kind}'; allowed here: reliability (others: cwmav-rbdo run)"
         )
     result = run_study(task, seed=seed).to_json()
-    keys = ("id", "pf", "pf_std", "beta", "true_evaluations", "method", "seed")
+    keys = ("id", "pf", "pf_std", "beta", "true_evaluations", "method", "seed", "converged", "message")
     emit(
         {key: result[key] for key in keys},
         as_json,
         [
             f"failure probability {result['pf']:.5g} +- {result['pf_std']:.2g}, beta {result['beta']:.4f}, "
-            f"{result['true_evaluations']} evaluations, {result['method']}"
+            f"{result['true_evaluations']} evaluations, {result['method']}",
+            *([] if result["converged"] else [result["message"]]),
         ],
     )
 

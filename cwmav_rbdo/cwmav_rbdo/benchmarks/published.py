@@ -130,7 +130,7 @@ def _judge_rbdo(problem: GeneralProblem, entry: Mapping[str, Any], result: Resul
 
 def _judge_reliability(problem: GeneralProblem, entry: Mapping[str, Any], result: Result) -> BenchmarkRow:
     pf = float(result.extra["pf"])
-    passed = abs(pf / _reference(entry) - 1.0) <= _PROBABILITY
+    passed = result.converged and abs(pf / _reference(entry) - 1.0) <= _PROBABILITY
     checks = [
         {
             "name": "system",

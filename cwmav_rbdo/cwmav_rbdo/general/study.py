@@ -18,6 +18,7 @@ from cwmav_rbdo.general.variables import evaluated_names
 from cwmav_rbdo.general_problem import GeneralProblem
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.problem import digest, problem_mapping
+from cwmav_rbdo.reliability import UnsureError
 from cwmav_rbdo.result import Result
 from cwmav_rbdo.run_folder import RunFolder
 
@@ -111,7 +112,11 @@ def _rbdo(problem: GeneralProblem, oracle: Oracle, seed: int) -> Result:
 
 
 def _reliability(problem: GeneralProblem, oracle: Oracle, seed: int) -> Result:
-    estimate = solve_reliability(problem, oracle, np.random.default_rng(seed))
+    message = ""
+    try:
+        estimate = solve_reliability(problem, oracle, np.random.default_rng(seed))
+    except UnsureError as error:
+        estimate, message = error.estimate, f"stopped at max_true_evaluations {oracle.budget}: {error}; "
     return Result(
         id=problem.id,
         kind=problem.kind,
@@ -122,9 +127,10 @@ def _reliability(problem: GeneralProblem, oracle: Oracle, seed: int) -> Result:
         constraints=(),
         iterations=0,
         true_evaluations=oracle.calls,
-        converged=True,
+        converged=not message,
         feasible=True,
-        message=f"failure probability {estimate.value:.5g} +- {estimate.std:.2g} by {estimate.method}",
+        message=f"{message}failure probability {estimate.value:.5g} +- {estimate.std:.2g} "
+        f"by {estimate.method}",
         history=(),
         seed=seed,
         excluded=tuple(oracle.excluded),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Probability of failure of a design whose variables scatter: one method a file, one kind of result."""
 
-from cwmav_rbdo.reliability.active_learning import LearningSettings, active_learning
+from cwmav_rbdo.reliability.active_learning import LearningSettings, UnsureError, active_learning
 from cwmav_rbdo.reliability.certified import certified, certified_estimate
 from cwmav_rbdo.reliability.convolved_field import ConvolvedField, GridLimitState
 from cwmav_rbdo.reliability.directional import directional, directional_estimate
@@ -24,6 +24,7 @@ __all__ = [
     "Inputs",
     "LearningSettings",
     "LimitState",
+    "UnsureError",
     "active_learning",
     "certified",
     "certified_estimate",

@@ -52,6 +52,14 @@ class LearningSettings:
     kernel: str = setting("gaussian", "correlation function", choices=("gaussian", "matern52"))
 
 
+class UnsureError(WorkError):
+    """The budget ended before the signs were sure enough; `estimate` is what there is."""
+
+    def __init__(self, estimate: Estimate, message: str) -> None:
+        super().__init__(message)
+        self.estimate = estimate
+
+
 def active_learning(
     g: LimitState, inputs: Inputs, rng: np.random.Generator, settings: LearningSettings | None = None
 ) -> Estimate:
@@ -73,8 +81,8 @@ def active_learning(
 
     Raises
     ------
-    WorkError
-        If the budget ends before the signs are sure enough; the message has the estimate so far.
+    UnsureError
+        If the budget ends before the signs are sure enough; it carries the estimate so far.
     """
     s = settings or LearningSettings()
     d = inputs.dimension
@@ -88,9 +96,10 @@ def active_learning(
         if len(learner.values) >= s.largest:
             found = learner.estimate(rng)
             doubt = found.std / max(found.value, 1e-300)
-            raise WorkError(
+            raise UnsureError(
+                found,
                 f"active learning: {s.largest} evaluations leave {doubt:.0%} doubt about the estimate "
-                f"{found.value:.3g}"
+                f"{found.value:.3g}",
             )
         point = learner.most_doubtful()
         learner.learn(point, evaluate(point))

@@ -130,3 +130,17 @@ def test_the_example_of_the_readme_runs(capsys):
     exec(compile(example, "README.md", "exec"), names)  # noqa: S102 - our own example
     assert names["result"].objective == pytest.approx(9.52, rel=0.005)
     assert "w" in capsys.readouterr().out
+
+
+def test_a_budget_that_ends_early_still_gives_the_estimate_and_says_so():
+    content = {
+        "id": "branches",
+        "kind": "reliability",
+        "random": [{"name": "x", "mean": 0, "std": 1}, {"name": "y", "mean": 0, "std": 1}],
+        "constraints": ["minimum(3 + 0.1*(x-y)**2 - (x+y)/sqrt(2), 3 + 0.1*(x-y)**2 + (x+y)/sqrt(2))"],
+        "max_true_evaluations": 14,
+    }
+    result = run_study(parse_problem(content, "test"))
+    assert not result.converged
+    assert "stopped at max_true_evaluations 14" in result.message
+    assert result.extra["pf_std"] > 0.0
