@@ -110,8 +110,8 @@ def fundamental(signals: Array, rate: float) -> float:
     usual = float(np.median(amplitude[(freqs > LOWEST / 2) & (freqs < min(4 * HIGHEST, 0.45 * rate))]))
     floor = max(usual, 1e-3 * float(amplitude.max()))
     candidates = np.arange(LOWEST, min(HIGHEST, 0.2 * rate), freqs[1] / 2.0)
-    lines = np.array([_line(freqs, amplitude, f) for f in candidates])
-    families = np.array([_family(freqs, amplitude / max(floor, 1e-300), f) for f in candidates])
+    lines = _lines(freqs, amplitude, candidates)
+    families = _families(freqs, amplitude / max(floor, 1e-300), candidates)
     if not len(lines) or not lines.max() > 6.0 * floor > 0.0:
         raise InputError(
             f"force: no periodic signal between {LOWEST:g} and {HIGHEST:g} Hz stands out of the noise"
@@ -121,20 +121,25 @@ def fundamental(signals: Array, rate: float) -> float:
     return _centroid(freqs, amplitude, float(best))
 
 
-def _line(freqs: Array, amplitude: Array, frequency: float) -> float:
-    near = np.abs(freqs - frequency) <= max(0.02 * frequency, freqs[1])
-    return float(amplitude[near].max(initial=0.0))
+def _lines(freqs: Array, amplitude: Array, wanted: Array) -> Array:
+    """Largest amplitude within 2 % or one bin of each wanted frequency (m,), (m,); 0 beyond the spectrum."""
+    width = np.maximum(0.02 * wanted, freqs[1]) * (1.0 + 1e-9)
+    low, high = np.searchsorted(freqs, wanted - width), np.searchsorted(freqs, wanted + width, side="right")
+    padded = np.append(amplitude, 0.0)
+    found = np.maximum.reduceat(padded, np.stack([low, high], axis=1).ravel())[::2] if len(wanted) else wanted
+    return np.where(low < high, found, 0.0)
 
 
-def _family(freqs: Array, above_floor: Array, frequency: float) -> float:
+def _families(freqs: Array, above_floor: Array, wanted: Array) -> Array:
     """Weigh the lines on the harmonics less those half-way between, which a multiple of the true one has.
 
     The logarithm makes many lines count for more than a single strong one, which a resonance lifts.
     """
-    orders = np.arange(1, LINES + 1)
-    on = sum(np.log1p(_line(freqs, above_floor, h * frequency)) for h in orders)
-    between = sum(np.log1p(_line(freqs, above_floor, (h - 0.5) * frequency)) for h in orders)
-    return float(on - between)
+    weight = np.zeros(len(wanted))
+    for order in range(1, LINES + 1):
+        weight += np.log1p(_lines(freqs, above_floor, order * wanted))
+        weight -= np.log1p(_lines(freqs, above_floor, (order - 0.5) * wanted))
+    return weight
 
 
 def _centroid(freqs: Array, amplitude: Array, frequency: float) -> float:
