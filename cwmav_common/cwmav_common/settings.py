@@ -153,6 +153,7 @@ def markdown_table(cls: type) -> str:
     rows = ["| setting | default | unit | allowed | meaning |", "| --- | --- | --- | --- | --- |"]
     for item in describe(cls):
         default = "required" if item.default is dataclasses.MISSING else f"`{item.default}`"
+        default = "empty" if item.default == "" else default
         rows.append(f"| `{item.key}` | {default} | {item.unit} | {item.allowed()} | {item.description} |")
     return "\n".join(rows)
 

@@ -109,6 +109,14 @@ def plot(
     emit({"bag": str(bag), "files": written, "synthetic": found.report.synthetic}, as_json, written)
 
 
+@cli.command("settings")
+def settings_command() -> None:
+    """Print every setting of topic maps, benches, synthetic recordings and the node, as Markdown tables."""
+    from cwmav_rig.reference import page
+
+    print(page(), end="")
+
+
 @cli.command()
 def replay(
     bag: Annotated[Path, typer.Argument(help="An .mcap file or a rosbag2 folder.")],

@@ -343,7 +343,8 @@ class RigReader:
             if parts[0] is None or parts[1] is None:
                 return None
             stamps, voltage = parts[0][0], self.map.voltage.gain * parts[0][1][:, 0]
-            flow = series(parts[1][0], self.map.current.gain * parts[1][1][:, 0])
+            behind = self.map.power.current_delay
+            flow = series(parts[1][0] - behind, self.map.current.gain * parts[1][1][:, 0])
             current = np.interp(stamps, flow.time, flow.values)
         assembler = Assembler(POWER_NAMES, self.bin_rate)
         assembler.add_samples(stamps, np.stack([voltage, current, voltage * current], axis=1))

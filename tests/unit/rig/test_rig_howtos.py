@@ -55,3 +55,12 @@ def test_the_bench_of_the_how_to_is_one(tmp_path):
     bench = load_bench(path)
     assert bench.force.host
     assert bench.oscilloscope.setup[1] == ":WAV:FORM BYTE"
+
+
+def test_the_reference_page_is_what_the_program_prints(monkeypatch, capsys):
+    """If this fails: ``cwmav-rig settings > docs/reference/rig-settings.md``."""
+    monkeypatch.setattr("sys.argv", ["cwmav-rig", "settings"])
+    with pytest.raises(SystemExit):
+        main_guard(cli)()
+    written = (HOW_TOS.parent / "reference" / "rig-settings.md").read_text()
+    assert written == capsys.readouterr().out
