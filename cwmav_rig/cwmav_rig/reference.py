@@ -13,8 +13,8 @@ _PARTS = (
     (
         "Topic map",
         TopicMap,
-        "YAML, `--topics`. A dotted key `force.topic` is `force: {topic: ..}`. `tare` may be `none`, a recording,"
-        " a list of recordings, or `{topic: ..}`.",
+        "YAML, `--topics`. A dotted key `force.topic` is `force: {topic: ..}`. `tare` may be `none`,"
+        " a recording, a list of recordings, or `{topic: ..}`.",
     ),
     ("Bench", BenchSettings, "YAML, for `cwmav-rig record` and the parameter `bench` of the node."),
     ("Node", RigSettings, "ROS parameters of `/rig`."),
