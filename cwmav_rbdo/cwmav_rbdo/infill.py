@@ -35,6 +35,8 @@ FIXED_SIZE = ("zhang2026", "classical")
 
 _APART = 5e-3
 """Of the ranges: points of one round that are closer tell the same."""
+_SAME = 1e-4
+"""The same for the methods of the paper, which knows no such rule: only what is one point is one."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +83,11 @@ def new_samples(state: State) -> tuple[list[Candidate], float]:
     """
     problem = state.problem
     proposed = resolve(problem.method, RULES, "method")(state)
+    apart = _SAME if problem.method in FIXED_SIZE else _APART
     kept: list[Candidate] = []
     for candidate in proposed:
         x = np.clip(candidate.x, problem.lower, problem.upper)
-        near = [c for c in kept if np.all(np.abs(x - c.x) <= _APART * (problem.upper - problem.lower))]
+        near = [c for c in kept if np.all(np.abs(x - c.x) <= apart * (problem.upper - problem.lower))]
         if not near and not state.samples.hold(x):
             kept.append(Candidate(x, candidate.reason, candidate.promise))
     promises = [c.promise for c in proposed if np.isfinite(c.promise)]
