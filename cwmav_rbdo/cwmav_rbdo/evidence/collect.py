@@ -66,7 +66,9 @@ def collect(
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Read the runs of a file; none where there is no file. What a kill left of a last line is dropped.
+    """Read the runs of a file, the first of each; none where there is no file.
+
+    What a kill left of a last line is dropped.
 
     Raises
     ------
@@ -80,7 +82,10 @@ def read(path: Path) -> list[dict[str, Any]]:
     if whole < len(content):
         with path.open("r+b") as file:
             file.truncate(whole)
-    return list(_parsed(path, content[:whole].splitlines()))
+    rows: dict[tuple[str, str, int], dict[str, Any]] = {}
+    for row in _parsed(path, content[:whole].splitlines()):
+        rows.setdefault((row["study"], row["method"], row["seed"]), row)
+    return list(rows.values())
 
 
 def _parsed(path: Path, lines: Iterable[bytes]) -> Iterable[dict[str, Any]]:

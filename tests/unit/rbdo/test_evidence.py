@@ -30,6 +30,8 @@ def test_runs_are_continued_and_none_is_repeated(tmp_path, counted):
     collect(path, 2, ["paper_surface_2"])
     assert len(counted) == 2 * len(METHODS)
     assert len(read(path)) == 2 * len(METHODS)
+    path.write_text(2 * path.read_text())  # two programs at once
+    assert len(read(path)) == 2 * len(METHODS)
 
 
 def test_a_run_that_never_arrives_counts_as_the_slowest(tmp_path, counted):
