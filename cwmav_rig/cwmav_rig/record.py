@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from cwmav_common.errors import InputError
+from cwmav_common.errors import InputError, WorkError
 from cwmav_common.mcap_io import BagWriter, Message, open_recording, write_rosbag2_metadata
 from cwmav_common.settings import to_mapping
 from cwmav_rig.instruments import messages as topics
@@ -73,22 +73,36 @@ class LiveRecorder:
         self.close()
 
     def write(self, messages: Iterable[Message]) -> None:
-        """Write messages as they came."""
+        """Write messages as they came.
+
+        Raises
+        ------
+        WorkError
+            The disk takes no more; the recording is closed with what it holds.
+        """
         if self._writer is None:
             raise InputError(f"{self.path}: is closed")
-        for message in messages:
-            self._writer.write_raw(message.topic, message.type_name, message.data, message.log_time_ns)
-            self.messages += 1
+        try:
+            for message in messages:
+                self._writer.write_raw(message.topic, message.type_name, message.data, message.log_time_ns)
+                self.messages += 1
+        except OSError as error:
+            with contextlib.suppress(WorkError):
+                self.close()
+            raise WorkError(f"{self.path}: cannot be written ({error.strerror or error})") from None
 
     def close(self) -> None:
-        """Finish the recording."""
-        if self._writer is None:
+        """Finish the recording; raises WorkError when the disk does not take the rest."""
+        writer, self._writer = self._writer, None
+        if writer is None:
             return
-        self._writer.close()
-        self._writer = None
-        if self._folder:
-            with open_recording(self.file) as recording:
-                write_rosbag2_metadata(self.path, recording, {})
+        try:
+            writer.close()
+            if self._folder:
+                with open_recording(self.file) as recording:
+                    write_rosbag2_metadata(self.path, recording, {})
+        except OSError as error:
+            raise WorkError(f"{self.path}: cannot be finished ({error.strerror or error})") from None
 
 
 def live_topic_map(bench: BenchSettings) -> dict[str, Any]:

@@ -68,7 +68,7 @@ class RigReport:
 
     def to_json(self) -> dict[str, Any]:
         """Give the keys of the public contract and some more."""
-        return {
+        content = {
             "bag": self.source,
             "synthetic": self.synthetic,
             "origin": self.origin,
@@ -83,7 +83,7 @@ class RigReport:
             "clock_skews": {name: clock.skew for name, clock in self.clocks.items()},
             "clock_residuals_s": {name: clock.residual for name, clock in self.clocks.items()},
             "clock_notes": {name: dict(note) for name, note in self.clock_notes.items()},
-            "correlation": None if self.correlations is None else _plain(self.correlations.to_json()),
+            "correlation": None if self.correlations is None else self.correlations.to_json(),
             "budget": {name: budget.to_json() for name, budget in self.budgets.items()},
             "channel_delay_s": self.channel_delay,
             "air_density_kg_m3": self.air_density,
@@ -92,6 +92,8 @@ class RigReport:
             "problems": list(self.problems),
             "seconds": self.seconds,
         }
+        plain: dict[str, Any] = _plain(content)
+        return plain
 
 
 def _quantity(spread: Spread | None, factor: float = 1.0) -> dict[str, Any]:

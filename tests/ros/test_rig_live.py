@@ -54,7 +54,7 @@ class Bench:
         self.scope, self.tunnel = SimulatedScpi(), SimulatedScpi(identity=TUNNEL)
         self.file = folder / "bench.yaml"
         self.file.write_text(
-            f"force: {{host: 127.0.0.1, rate: 2000, stall: 0.5, rdt_port: {self.box.rdt_port},"
+            f"force: {{host: 127.0.0.1, rate: 2000, stall: 3, rdt_port: {self.box.rdt_port},"
             f" http_port: {self.box.http_port}}}\n"
             f"oscilloscope: {{resource: '{self.scope.resource}'}}\n"
             f"tunnel: {{resource: '{self.tunnel.resource}', rate: 20}}\n"

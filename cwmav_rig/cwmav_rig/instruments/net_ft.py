@@ -99,14 +99,14 @@ class NetFt:
             sensor_host=s.host,
             rdt_port=s.rdt_port,
             http_port=s.http_port,
-            receive_timeout=0.5 * min(s.stall, 1.0),
+            receive_timeout=0.5 * s.stall,
             recovery_policy=library.RecoveryPolicy.FAIL_STOP,
             deliver_samples_with_error_status=True,
         )
         try:
             self._client = library.Client(config, queue_size=QUEUE)
             self._client.start()
-            if not self._client.wait_for_first_sample(2.0):
+            if not self._client.wait_for_first_sample(max(2.0, s.stall)):
                 raise InstrumentError(f"force: {s.host} sends no samples")
         except library.NetFTError as error:
             self.close()

@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cwmav_common import interfaces
-from cwmav_common.errors import InputError
+from cwmav_common.errors import InputError, WorkError
 from cwmav_common.mcap_io import Message, Topic
 from cwmav_common.ros.diagnostics import Health
 from cwmav_rig.instruments import BenchSettings, Identity, InstrumentHealth, Session, load_bench
@@ -35,6 +35,7 @@ class LiveBench:
         self._session = Session(self.bench.instruments())
         self.identities: dict[str, Identity] = self._session.open()
         self._recorder: LiveRecorder | None = None
+        self._trouble = ""
         self.streaming = False
         self.topic_map: TopicMap = from_plain(live_topic_map(self.bench), path)
 
@@ -72,13 +73,16 @@ class LiveBench:
         """Give what came since the last call; it is in the recording already."""
         messages = self._session.take()
         if self._recorder is not None:
-            self._recorder.write(messages)
+            try:
+                self._recorder.write(messages)
+            except WorkError as error:
+                self._trouble, self._recorder = str(error), None
         return messages
 
     @property
     def failed(self) -> str:
-        """Say which instruments failed, and how; empty when all are well."""
-        return self._session.failed
+        """Say which instruments failed, or why nothing is recorded; empty when all is well."""
+        return "; ".join(what for what in (self._session.failed, self._trouble) if what)
 
     def stop(self) -> None:
         """Stop streaming; the recording is complete then."""
@@ -97,9 +101,12 @@ class LiveBench:
         return _health(next(found for found in self._session.health() if found.name == name))
 
     def _finish(self) -> None:
-        if self._recorder is not None:
-            self._recorder.close()
-            self._recorder = None
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            try:
+                recorder.close()
+            except WorkError as error:
+                self._trouble = str(error)
 
 
 def check_bench(path: str) -> None:

@@ -13,8 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cwmav_common import interfaces
-from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.errors import InputError, WorkError
+from cwmav_common.mcap_io import BagWriter, open_recording
 from cwmav_rig import cli
 from cwmav_rig.info import describe
 from cwmav_rig.instruments import BenchSettings, InstrumentError, Session, load_bench
@@ -37,7 +37,7 @@ pytest.importorskip("pyvisa")
 
 def force(box, rate=2000.0, **more):
     ports = {"rdt_port": box.rdt_port, "http_port": box.http_port}
-    return NetFtSettings(host="127.0.0.1", rate=rate, **ports, **more)
+    return NetFtSettings(host="127.0.0.1", rate=rate, **{"stall": 20.0, **ports, **more})
 
 
 def until(condition, what, seconds=20.0):
@@ -361,3 +361,21 @@ def test_a_cut_instrument_ends_the_recording_and_what_came_is_kept(tmp_path):
     assert json.loads(result.stdout)["instruments"][0]["samples"] > 5
     with open_recording(tmp_path / "a.mcap") as recording:
         assert recording.topics["/rig/airspeed"].count > 5
+
+
+def test_a_full_disk_ends_the_recording_with_what_it_holds(tmp_path, monkeypatch):
+    with SimulatedScpi(identity=TUNNEL) as sensor:
+        bench = BenchSettings(tunnel=TunnelSettings(resource=sensor.resource, rate=50.0))
+        written, write = [], BagWriter.write_raw
+
+        def full(self, *message):
+            if len(written) == 20:
+                raise OSError(28, "No space left on device")
+            written.append(message)
+            write(self, *message)
+
+        monkeypatch.setattr(BagWriter, "write_raw", full)
+        with pytest.raises(WorkError, match=r"run: cannot be written \(No space left on device\)"):
+            record_bench(bench, tmp_path / "run", 5.0)
+    with open_recording(tmp_path / "run") as recording:
+        assert recording.topics["/rig/airspeed"].count == 20
