@@ -80,8 +80,8 @@ class LidDrivenCavity:
     cells: int = 100
     slow: bool = True
     remark: str = (
-        "with 50 particles per side at Re 100 the profiles are within 1.9 % rms of the speed of the lid, but the "
-        "extremes 11 to 15 % low; the time simulated is short for a steady state."
+        "with 50 particles per side at Re 100 the profiles are within 1.9 % rms of the speed of the lid, but "
+        "the extremes 11 to 15 % low; the time simulated is short for a steady state."
     )
 
     @property

@@ -126,8 +126,8 @@ class OscillatingCylinder:
     periods: int = 2
     side: float = 10.0
     remark: str = (
-        "resolution: with 10 particles per diameter the coefficients are 29 % and 12 % low, with 20 they are 9 % "
-        "and 8 % low; and the second period is not yet quite periodic."
+        "resolution: with 10 particles per diameter the coefficients are 29 % and 12 % low, with 20 they are "
+        "9 % and 8 % low; and the second period is not yet quite periodic."
     )
 
     def run(self) -> list[Check]:
