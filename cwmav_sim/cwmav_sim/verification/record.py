@@ -51,18 +51,21 @@ class Record:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._entries: dict[str, Any] = {}
-        path = folder / _DATA
+        self._read()  # a damaged record is said before a long case runs, not after
+
+    def _read(self) -> dict[str, Any]:
+        path = self._folder / _DATA
         if not path.exists():
-            return
+            return {}
         try:
-            self._entries = json.loads(path.read_text(encoding="utf-8"))
+            return dict(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError) as error:
             raise InputError(f"{path}: cannot be read ({error})") from None
 
     def add(self, case: VerificationCase, checks: Sequence[Check], seconds: float) -> None:
-        """Replace the entry of a case and write both files."""
-        self._entries[case.name] = {
+        """Replace the entry of a case and write both files; entries that others wrote meanwhile are kept."""
+        entries = self._read()
+        entries[case.name] = {
             "summary": case.summary,
             "long": case.slow,
             "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
@@ -76,9 +79,9 @@ class Record:
         from cwmav_sim.verification.catalogue import catalogue
 
         remarks = {c.name: getattr(c, "remark", "") for c in catalogue()}
-        text = to_json(dict(sorted(self._entries.items()))) + "\n"
+        text = to_json(dict(sorted(entries.items()))) + "\n"
         (self._folder / _DATA).write_text(text, encoding="utf-8")
-        (self._folder / _TABLE).write_text(table(self._entries, remarks), encoding="utf-8")
+        (self._folder / _TABLE).write_text(table(entries, remarks), encoding="utf-8")
 
 
 def table(entries: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
