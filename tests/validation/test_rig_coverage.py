@@ -24,7 +24,7 @@ def held(seed: int) -> list[bool]:
     """Say which of the three intervals of one recording hold the truth."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.mcap"
-        synthesise(path, Synthesis(seconds=30.0, seed=1000 + seed, instruments=RATES))
+        synthesise(path, Synthesis(seconds=30.0, seed=seed, instruments=RATES))
         report = analyse(path)
     found = []
     for spread, truth, factor in (
@@ -41,7 +41,6 @@ def held(seed: int) -> list[bool]:
 def test_the_intervals_hold_the_papers_standard_deviations_as_often_as_they_say():
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         share = np.mean(list(pool.map(held, range(RECORDINGS), chunksize=5)), axis=0)
-    print("\nF, AoA, U:", share)
-    # 95 % within two binomial standard errors of 200 trials.
+    print("\nF, AoA, U:", share)  # shown with -s
     assert (share >= 0.93).all(), share
-    assert (share <= 0.98).all(), share
+    assert (share <= 0.97).all(), share
