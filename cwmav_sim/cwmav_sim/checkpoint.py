@@ -63,7 +63,7 @@ class Checkpoint:
         if not self.path.exists():
             return None
         try:
-            with np.load(self.path) as file:
+            with self.path.open("rb") as stream, np.load(stream) as file:
                 state = {name: file[name] for name in file.files}
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise InputError(f"{self.path}: is no checkpoint ({error}); delete it to start anew") from None

@@ -19,6 +19,7 @@ from cwmav_sim.run import simulate
 SMALL = [
     "flow.resolution.dp=0.02",
     "flow.resolution.precision=double",
+    "flow.fluid.mach_limit=0.4",
     "flow.box.length=0.5",
     "flow.box.width=0.48",
     "flow.box.height=0.36",
