@@ -31,7 +31,7 @@ from cwmav_sim.wing.sheet import FloatArray
 
 GRAVITY = 9.81
 _PHASES = 24
-_LIGHT = 0.35  # film mass over that of a layer of particles, from which on the longest step stays stable
+_LIGHT = 0.6  # film mass over that of a layer of particles, from which on the exchange takes the longest step
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,9 @@ def test_settings_that_make_no_sense_are_refused(change, message):
 
 def test_a_step_too_long_for_a_light_film_is_refused_with_its_limit():
     light = ["wing.model=membrane", "structure.film.thickness=2e-6"]
-    with pytest.raises(InputError, match=r"cfl is 0.4 with a film of 1.84 g/m2, 0.13.*at most 0.143"):
+    with pytest.raises(InputError, match=r"cfl is 0.4 with a film of 1.84 g/m2, 0.13.*at most 0.083"):
         cases.with_overrides(cases.preset("smoke"), light)
-    cases.with_overrides(cases.preset("smoke"), [*light, "flow.resolution.cfl=0.14"])
+    cases.with_overrides(cases.preset("smoke"), [*light, "flow.resolution.cfl=0.08"])
     cases.with_overrides(cases.preset("smoke"), light[1:])
 
 

@@ -18,12 +18,13 @@ from cwmav_sim.run import simulate
 
 SMALL = [
     "flow.resolution.dp=0.02",
+    "flow.resolution.cfl=0.25",
     "flow.resolution.precision=double",
-    "flow.fluid.mach_limit=0.4",
+    "kinematics.opening_deg=30",
     "flow.box.length=0.5",
     "flow.box.width=0.48",
     "flow.box.height=0.36",
-    "kinematics.clap_half_gap_deg=12",
+    "kinematics.clap_half_gap_deg=20",
     "structure.lattice.spanwise=3",
     "structure.lattice.chordwise=2",
     "flapping_frequency=30",
@@ -78,7 +79,7 @@ def _check_accounts(details, model):
     if model == "membrane":
         wings = balance["wings_j"]
         assert wings["made_by_exchange"] == pytest.approx(air["work_of_wings"] + wings["load_work"])
-        assert abs(wings["lost_by_integration"]) < 0.05 * wings["drive_work"]
+        assert abs(wings["lost_by_integration"]) < 0.1 * wings["drive_work"]
     parts = details["parts"]
     assert abs(parts["viscous"]["lift_n"]["mean"]) < abs(parts["pressure"]["lift_n"]["mean"])
     assert details["cost"]["pair_interactions_per_s"] > 0

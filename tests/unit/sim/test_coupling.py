@@ -20,6 +20,7 @@ from cwmav_sim.wing.sheet import SheetState
 MODELS = ("membrane", "lattice")
 COARSE = [
     "flow.resolution.dp=0.02",
+    "flow.resolution.cfl=0.25",
     "flow.resolution.precision=double",
     "flow.box.length=0.5",
     "flow.box.width=0.48",
@@ -28,7 +29,7 @@ COARSE = [
     "structure.lattice.spanwise=3",
     "structure.lattice.chordwise=2",
 ]
-LIGHT = ["structure.film.density=300", "flow.resolution.cfl=0.13"]
+LIGHT = ["structure.film.density=300", "flow.resolution.cfl=0.08"]
 
 
 def coarse(model, *more):
@@ -155,10 +156,10 @@ def test_a_stiff_wing_follows_the_prescribed_motion_and_feels_its_forces():
         "structure.root.trailing_edge=hinge",
     ]
     case = coarse("lattice", *stiff)
-    _, solver, infos = run(case, 40)
+    _, solver, infos = run(case, 50)
     rigid = Swinging(case)
     alone = Solver(case.flow, rigid, case.airspeed, highest_speed=case.highest_speed())
-    alone_infos = [alone.step() for _ in range(40)]
+    alone_infos = [alone.step() for _ in range(50)]
     assert alone.time == pytest.approx(solver.time, rel=1e-3)
     expected = rigid.state(solver.time).x
     travelled = np.abs(expected - rigid.state(0.0).x).max()
