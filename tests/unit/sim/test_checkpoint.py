@@ -50,9 +50,9 @@ def cut_at(cycles, case):
     return observe
 
 
-@pytest.mark.parametrize("model", [pytest.param("prescribed", marks=pytest.mark.slow), "membrane"])
+@pytest.mark.parametrize("model", ["prescribed", pytest.param("membrane", marks=pytest.mark.slow)])
 def test_a_continued_run_has_the_bits_of_an_uninterrupted_one(model, tmp_path):
-    case = small(model)
+    case = small(model, "flow.resolution.cfl=0.4") if model == "prescribed" else small(model)
     whole = simulate(case, out=tmp_path / "whole")
     with pytest.raises(PowerCutError):
         simulate(case, out=tmp_path / "cut", observers=[cut_at(0.45, case)])
@@ -79,7 +79,6 @@ def _check_accounts(details, model):
     if model == "membrane":
         wings = balance["wings_j"]
         assert wings["made_by_exchange"] == pytest.approx(air["work_of_wings"] + wings["load_work"])
-        assert abs(wings["lost_by_integration"]) < 0.1 * wings["drive_work"]
     parts = details["parts"]
     assert abs(parts["viscous"]["lift_n"]["mean"]) < abs(parts["pressure"]["lift_n"]["mean"])
     assert details["cost"]["pair_interactions_per_s"] > 0
