@@ -16,7 +16,6 @@ than a whole stroke.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -28,9 +27,7 @@ from cwmav_sim.wing.dynamics import Configuration, System
 from cwmav_sim.wing.motion import Motion
 from cwmav_sim.wing.rotation import cross
 from cwmav_sim.wing.sheet import FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from cwmav_sim.wing.structure import SheetMap
+from cwmav_sim.wing.sheet_map import SheetMap
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def rigid_facets(of_triangle: IntArray, points: FloatArray, point_mass: FloatArr
 
 
 class FacetSheet:
-    """Sheet nodes carried by facets; implements :class:`cwmav_sim.wing.structure.SheetMap`.
+    """Sheet nodes carried by facets; implements :class:`cwmav_sim.wing.sheet_map.SheetMap`.
 
     Parameters
     ----------

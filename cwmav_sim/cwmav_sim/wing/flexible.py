@@ -23,7 +23,8 @@ from cwmav_sim.wing.prescribed import Attitude
 from cwmav_sim.wing.rods import RodPath, Spar, Stiffener, rod_elements, straight_rod
 from cwmav_sim.wing.rotation import turn
 from cwmav_sim.wing.sheet import FloatArray, IntArray
-from cwmav_sim.wing.structure import FlexibleWings, NodesAreSheet
+from cwmav_sim.wing.sheet_map import NodesAreSheet
+from cwmav_sim.wing.structure import FlexibleWings
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from cwmav_sim.wing.contact import ContactLaw, Impacts
 from cwmav_sim.wing.dynamics import Configuration, Inertia, StillRoot, System
 from cwmav_sim.wing.integrate import Integration, Integrator
-from cwmav_sim.wing.structure import NodesAreSheet
+from cwmav_sim.wing.sheet_map import NodesAreSheet
 
 NO_BODIES, NO_SPIN = np.zeros((0, 3, 3)), np.zeros((0, 3))
 NONE = np.zeros(0, dtype=np.int64)
