@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Least objective under probabilistic constraints, on Kriging models refined where it matters.
 
-Each round: optimum on the surrogates (:mod:`cwmav_rbdo.general.design`), Monte Carlo on them there, new
-samples at the worst points of the active constraints and where the sign of a constraint is in doubt. It ends
-when the design does not move and the expected share of wrong signs is small.
+Each round: optimum on the surrogates (:mod:`cwmav_rbdo.general.design`), new samples at the worst points of
+the active constraints and where the sign of a constraint is in doubt; when neither asks for any, at worst
+points seen from designs nearby. It ends when the design does not move and none of the three asks for more.
 """
 
 from __future__ import annotations
