@@ -46,6 +46,7 @@ def test_percentile_is_the_quantile_of_the_scattering_ratio(surface):
         assert value == pytest.approx(np.quantile(ratios, 0.0026), rel=2e-4)
 
 
+@pytest.mark.slow
 def test_percentile_form_is_active_where_the_constraint_is_idle(surface):
     noise = {"F": 2.5, "AoA": 6.0, "U": 0.05}
     _, plain = optimum(surface, noise=noise, require=Requirement(0.05, 0.9974))
