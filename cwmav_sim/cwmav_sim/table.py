@@ -17,6 +17,7 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
@@ -135,11 +136,16 @@ class LiftTable:
 
 @dataclass(frozen=True)
 class _Surrogate:
-    """Trend by least squares and a Gaussian process on what is left."""
+    """Trend by least squares and a Gaussian process on what is left.
+
+    The standard deviation is that of universal Kriging: what the process does not know, and what the runs
+    leave open about the trend, which counts most outside of them.
+    """
 
     trend: FloatArray
     process: GaussianProcessRegressor
     scale: float
+    whitened: FloatArray  # L^-1 B, shape (n, terms): basis of the runs in units of their covariance L L'
 
     @classmethod
     def fit(
@@ -161,12 +167,19 @@ class _Surrogate:
             # A hyperparameter may rest on its bound: few runs cannot tell a long length from a longer one.
             warnings.simplefilter("ignore", ConvergenceWarning)
             process.fit(_scaled(points), residual / scale)
-        return cls(np.asarray(trend, dtype=np.float64), process, scale)
+        whitened = solve_triangular(process.L_, basis, lower=True)
+        return cls(np.asarray(trend, dtype=np.float64), process, scale, np.asarray(whitened))
 
     def predict(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation [N], shape (n,) each."""
-        mean, std = self.process.predict(_scaled(points), return_std=True)
-        return _basis(points) @ self.trend + self.scale * mean, self.scale * std
+        scaled, basis = _scaled(points), _basis(points)
+        mean, std = self.process.predict(scaled, return_std=True)
+        covariance = self.process.kernel_(scaled, self.process.X_train_)
+        seen = solve_triangular(self.process.L_, covariance.T, lower=True)
+        unseen = basis.T - self.whitened.T @ seen
+        information = np.linalg.cholesky(self.whitened.T @ self.whitened)
+        open_trend = np.sum(solve_triangular(information, unseen, lower=True) ** 2, axis=0)
+        return basis @ self.trend + self.scale * mean, self.scale * np.sqrt(std**2 + open_trend)
 
 
 def _start_kernel() -> object:

@@ -2,6 +2,7 @@
 """The lift table interpolates what it was given and knows how well."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,6 +52,23 @@ def test_stated_deviation_covers_the_errors():
     estimates = [table.lift(*point) for point in points]
     scores = [(e.lift - truth) / e.lift_std for e, truth in zip(estimates, lift_law(points), strict=True)]
     assert np.mean(np.abs(scores) < 2.0) > 0.9
+
+
+def test_far_outside_the_runs_the_deviation_covers_what_the_trend_leaves_open():
+    everywhere = rows(count=60, noise=0.003)
+    slow = everywhere.points[:, 0] < 16.0
+    slow &= everywhere.points[:, 1] < math.radians(30.0)
+    few = replace(
+        everywhere,
+        points=everywhere.points[slow],
+        lift=everywhere.lift[slow],
+        lift_std=everywhere.lift_std[slow],
+    )
+    table = LiftTable(few)
+    corner = np.array([30.0, math.radians(60.0), 6.0])
+    far, near = table.lift(*corner), table.lift(10.0, math.radians(10.0), 3.0)
+    assert far.lift_std > 5.0 * near.lift_std
+    assert abs(far.lift - lift_law(corner[None, :])[0]) < 3.0 * far.lift_std
 
 
 def test_source_says_what_the_table_is():
