@@ -28,6 +28,8 @@ from cwmav_rbdo.wing_problem import WingProblem
 Array = NDArray[np.float64]
 FailureProbability = Callable[[Array], Array]
 
+# Share of the allowed failures kept back: an optimiser ends within its tolerance on either side of its aim.
+_RESERVE = 1e-3
 _INFEASIBLE = 1e3  # far above any value, so every feasible particle ranks before every infeasible one
 _K = 1.96  # standard deviations of the band that the surrogate's error leaves
 _NEARBY = (100, 60)  # particles and iterations of the small swarm
@@ -81,9 +83,10 @@ def reliable_optimum(
     screen = _screen(limit_state, lower, upper, scatter) if goal.constrained else exact
     swarm = PyswarmsSwarm(problem.swarm)
     found = swarm.minimise(_ranking(quick, screen, allowed), lower, upper, rng).x
-    polished = _polished(value, exact, allowed, problem, found)
+    aim = (1.0 - _RESERVE) * allowed
+    polished = _polished(value, exact, aim, problem, found)
     if float(exact(polished[None, :])[0]) > allowed:
-        polished = _searched_nearby(quick, exact, allowed, problem, found, scatter, rng)
+        polished = _searched_nearby(quick, exact, aim, problem, found, scatter, rng)
     mean, error = surface.predict(polished[None, :])
     best = float(value(polished[None, :])[0])
     band = reliability_band(surface, goal, polished, best, scatter)
