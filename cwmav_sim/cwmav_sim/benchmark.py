@@ -28,8 +28,8 @@ class Figures:
     ----------
     particles, steps : int
         Size and length of the measurement.
-    seconds : float
-        Wall time of the steps.
+    seconds, cpu_seconds : float
+        Wall time of the steps, and processor time of all threads.
     neighbours : float
         Neighbours of a particle: the volume of its support over that of a particle.
     threads : int
@@ -45,6 +45,7 @@ class Figures:
     particles: int
     steps: int
     seconds: float
+    cpu_seconds: float
     neighbours: float
     threads: int
     shares: dict[str, float]
@@ -77,6 +78,7 @@ class Figures:
             "neighbours": self.neighbours,
             "steps": self.steps,
             "wall_s": self.seconds,
+            "cpu_s": self.cpu_seconds,
             "phase_shares": self.shares,
             "bytes_per_particle": self.bytes_per_particle,
             "pair_gflops": self.pair_gflops,
@@ -109,17 +111,18 @@ def measure(particles: int, seconds: float = 10.0) -> Figures:
     for _ in range(3):
         solver.step()
     before = dict(solver.timers.seconds)
-    started, steps = time.perf_counter(), 0
+    started, cpu, steps = time.perf_counter(), time.process_time(), 0
     while steps < 5 or time.perf_counter() - started < seconds:
         solver.step()
         steps += 1
-    wall = time.perf_counter() - started
+    wall, cpu = time.perf_counter() - started, time.process_time() - cpu
     support = 4.0 / 3.0 * math.pi * (2.0 * case.flow.resolution.h_over_dp) ** 3
     spent = {name: seconds - before.get(name, 0.0) for name, seconds in solver.timers.seconds.items()}
     return Figures(
         particles=solver.particles,
         steps=steps,
         seconds=wall,
+        cpu_seconds=cpu,
         neighbours=support,
         threads=numba.get_num_threads(),
         shares={name: seconds / wall for name, seconds in spent.items()},

@@ -19,6 +19,7 @@ def test_figures_are_rates():
         particles=1000,
         steps=50,
         seconds=2.0,
+        cpu_seconds=3.5,
         neighbours=164.0,
         threads=2,
         shares={"pairs": 0.9, "sort": 0.1},
@@ -28,6 +29,7 @@ def test_figures_are_rates():
     content = figures.to_json()
     assert content["particle_steps_per_s"] == 25_000
     assert content["pair_interactions_per_s"] == 2 * 164 * 25_000
+    assert (content["wall_s"], content["cpu_s"]) == (2.0, 3.5)
     assert (content["threads"], content["device"]) == (2, "cpu")
     assert "time: pairs 90.0%, sort 10.0%" in figures.lines()
 
