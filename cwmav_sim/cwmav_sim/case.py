@@ -21,6 +21,7 @@ from cwmav_sim.fingerprint import coupled_fingerprint, solver_fingerprint
 from cwmav_sim.kinematics import Kinematics
 from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Resolution, Shifting
 from cwmav_sim.sph.sheet import expected_speed
+from cwmav_sim.underway import UnderwayWings
 from cwmav_sim.wing.build import flexible_wings
 from cwmav_sim.wing.film_mesh import even_mesh
 from cwmav_sim.wing.flexible import Flexibility, plan
@@ -45,6 +46,9 @@ class Run:
         0.02, "allowed change between the last two cycle means, over the mean force", gt=0, le=0.5
     )
     flapping: bool = setting(True, "False holds the wings still in the middle of their stroke")
+    start_from: str = setting(
+        "", "address of the run whose last air this one starts from, wings in full motion; empty: from rest"
+    )
 
 
 class _Placing(TypedDict):
@@ -78,6 +82,7 @@ class Case:
         _check_clap_gap(self)
         _check_box(self)
         _check_light_wings(self)
+        _check_start(self)
 
     @property
     def angle_of_attack(self) -> float:
@@ -114,10 +119,10 @@ class Case:
         """Fingerprint of the solver that would run this case."""
         return coupled_fingerprint() if self.flexible else solver_fingerprint()
 
-    def motion(self) -> ClappingWings | CoupledWings:
-        """Return the wings of this case at the start of their motion."""
+    def motion(self) -> ClappingWings | CoupledWings | UnderwayWings:
+        """Return the wings of this case at the start of the run."""
         if not self.flexible:
-            return self.prescribed()
+            return UnderwayWings(self.prescribed()) if self.run.start_from else self.prescribed()
         layout = plan(self.structure, self.wing, self.kinematics, self._attitude, **self._placing)
         return CoupledWings(flexible_wings(layout), self.coupling, 1.0 / self.flapping_frequency)
 
@@ -152,13 +157,15 @@ class Case:
         """Return the content address: a hash of all settings and of the solver that would run them.
 
         The preset's name is left out, since it changes nothing that is not in the settings, and so are the
-        settings of a structure that prescribed wings do not have. ``solver`` is the fingerprint of another
-        solver; by default it is that of this one.
+        settings of a structure that prescribed wings do not have, and a start from rest. ``solver`` is the
+        fingerprint of another solver; by default it is that of this one.
         """
         content = to_mapping(self)
         del content["preset"]
         if not self.flexible:
             del content["structure"], content["coupling"], content["wing"]["model"]
+        if not self.run.start_from:
+            del content["run"]["start_from"]
         text = json.dumps([solver or self.solver, content], sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -303,6 +310,16 @@ def _check_light_wings(case: Case) -> None:
             f"flow.resolution.cfl is {resolution.cfl:g} with a film of {1e3 * film_mass:.3g} g/m2, "
             f"{share:.2f} of the air in one particle spacing; allowed: at most {limit:.3f}"
         )
+
+
+def _check_start(case: Case) -> None:
+    start = case.run.start_from
+    if not start:
+        return
+    if len(start) != 32 or set(start) - set("0123456789abcdef"):
+        raise InputError(f"run.start_from is '{start}'; allowed: the address of a run, 32 hexadecimal digits")
+    if case.flexible or not case.run.flapping or case.flow.sheet.treatment == "dbc":
+        raise InputError("run.start_from is set; allowed: only for flapping prescribed wings with two sides")
 
 
 def _flow(dp: float, **changes: Any) -> FlowSettings:

@@ -45,6 +45,13 @@ def run(
     device: Device = "cpu",
     out: Annotated[Path | None, typer.Option(help="Folder for result, history, settings, snapshots.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")] = False,
+    keep_state: Annotated[
+        bool, typer.Option("--keep-state", help="Leave the air at the end in --out, for --start-from.")
+    ] = False,
+    start_from: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a run with --keep-state; start from its air, wings in full motion."),
+    ] = None,
     snapshots: Annotated[int, typer.Option(min=0, help="VTK snapshots per flapping cycle in --out.")] = 0,
     picture: Annotated[Path | None, typer.Option(help="Draw lift and vorticity into this file.")] = None,
     animation: Annotated[
@@ -58,9 +65,15 @@ def run(
     from cwmav_sim.animation import check_ending
     from cwmav_sim.export import Snapshots
     from cwmav_sim.picture import FilmObserver, SliceObserver, draw
+    from cwmav_sim.warm import EndState, started
 
     running.check_device(device)
     case = _case(preset, case_file, assignments, (frequency, angle, airspeed))
+    start = EndState.read(start_from) if start_from else None
+    if start is not None:
+        case = started(case, start)
+    if keep_state and out is None:
+        raise InputError("--keep-state needs a folder; add --out DIR")
     if snapshots and out is None:
         raise InputError("--snapshots needs a folder; add --out DIR")
     if resume and out is None:
@@ -76,7 +89,14 @@ def run(
     _print_header(case)
     with progress(case.run.cycles, describe_point(case), "cycle") as bar:
         result = running.simulate(
-            case, on_progress=_reporter(bar), out=out, resume=resume, device=device, observers=observers
+            case,
+            on_progress=_reporter(bar),
+            out=out,
+            resume=resume,
+            device=device,
+            observers=observers,
+            start=start,
+            keep_state=keep_state,
         )
     if picture is not None and slicer is not None and slicer.slice is not None:
         draw(case, result, slicer.slice, picture)

@@ -22,6 +22,7 @@ from cwmav_sim.export import write_run
 from cwmav_sim.gauges import History, Recorder, cycle_mean, is_periodic, phase_bins
 from cwmav_sim.result import LiftResult, Provenance, describe_point
 from cwmav_sim.solver import Solver, StepInfo
+from cwmav_sim.warm import EndState, fill
 from cwmav_sim.wing.sheet import FloatArray
 
 logger = logging.getLogger(__name__)
@@ -76,6 +77,8 @@ def simulate(
     resume: bool = False,
     observers: Sequence[Observer] = (),
     device: str = "cpu",
+    start: EndState | None = None,
+    keep_state: bool = False,
 ) -> LiftResult:
     """Simulate a case and average the forces over whole flapping cycles.
 
@@ -97,6 +100,10 @@ def simulate(
         Called with the solver after every step, for snapshots and pictures.
     device : {"cpu", "cuda"}
         Where to compute.
+    start : EndState, optional
+        The air that the run ``case.run.start_from`` left; see :func:`cwmav_sim.warm.started`.
+    keep_state : bool
+        Leave the air at the end in ``out``, so that other cases can start from it.
 
     Returns
     -------
@@ -106,7 +113,7 @@ def simulate(
     Raises
     ------
     InputError
-        For a device that is not there, or a checkpoint of another case.
+        For a device that is not there, a checkpoint of another case, or a start that does not fit.
     WorkError
         When the flow blows up; :class:`~cwmav_common.errors.CancelledError` when cancelled.
     """
@@ -115,8 +122,8 @@ def simulate(
         logger.info(line)
     work = _Work(case, on_progress, cancelled)
     checkpoint = None if out is None else Checkpoint(Path(out), case.address())
-    if resume and checkpoint is not None:
-        work.restore(checkpoint.read())
+    saved = checkpoint.read() if resume and checkpoint is not None else None
+    work.begin(saved, start)
     for cycle in range(1, case.run.cycles_max + 1):
         while work.solver.time < cycle / case.flapping_frequency:
             work.step(cycle)
@@ -128,6 +135,8 @@ def simulate(
             break
     result = _result(case, work, device)
     if out is not None and checkpoint is not None:
+        if keep_state:
+            EndState.of(case, work.solver).write(Path(out))
         write_run(Path(out), case, result)
         checkpoint.remove()
     return result
@@ -182,10 +191,15 @@ class _Work:
         }
         return {f"{part}/{name}": v for part, values in parts.items() for name, v in values.items()}
 
-    def restore(self, saved: dict[str, NDArray] | None) -> None:
-        """Go to a saved instant; None leaves the run at its start."""
-        if saved is None:
-            return
+    def begin(self, saved: dict[str, NDArray] | None, start: EndState | None) -> None:
+        """Go to a saved instant, or to the air that another run left; without both, air at rest stays."""
+        if saved is not None:
+            self._restore(saved)
+        elif self.case.run.start_from or start is not None:
+            fill(self.solver, self.case, start)
+            self.ledger = Ledger.of(self.solver)
+
+    def _restore(self, saved: dict[str, NDArray]) -> None:
         parts: dict[str, dict[str, NDArray]] = {}
         for key, value in saved.items():
             part, _, name = key.partition("/")
