@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -14,7 +15,8 @@ Array = NDArray[np.float64]
 TRENDS = ("constant", "linear", "quadratic")
 
 
-def terms(trend: str, dimension: int) -> list[tuple[int, ...]]:
+@cache
+def terms(trend: str, dimension: int) -> tuple[tuple[int, ...], ...]:
     """Monomials of the trend, each as the tuple of variables multiplied: ``()``, ``(k,)`` or ``(k, l)``.
 
     Raises
@@ -25,11 +27,11 @@ def terms(trend: str, dimension: int) -> list[tuple[int, ...]]:
     if trend not in TRENDS:
         raise InputError(f"trend = {trend!r}: allowed are {', '.join(TRENDS)}, auto")
     order = TRENDS.index(trend)
-    return [
+    return tuple(
         term
         for degree in range(order + 1)
         for term in combinations_with_replacement(range(dimension), degree)
-    ]
+    )
 
 
 def basis(trend: str, X: Array) -> Array:

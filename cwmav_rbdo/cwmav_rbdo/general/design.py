@@ -166,8 +166,10 @@ class DesignSearch:
         return np.array(values), np.array(slopes)
 
     def _worst_of(self, k: int, d: Array, thorough: bool = False) -> tuple[Array, float]:
+        physical = self.space.at(d)
+
         def g(U: Array) -> Array:
-            return self.surrogates.mean(k, self.space.physical(U, d))
+            return self.surrogates.mean(k, physical(U))
 
         starts = np.vstack([steepest(g, self.space.dimension), self._worst[k][None]])
         if thorough:

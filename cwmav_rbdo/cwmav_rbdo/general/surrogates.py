@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
-from cwmav_rbdo import universal_kriging as uk
 from cwmav_rbdo.kriging import Kriging
+from cwmav_rbdo.trend import basis
 from cwmav_rbdo.wing_problem import SurrogateSettings
 
 Array = NDArray[np.float64]
@@ -38,12 +39,11 @@ class Surrogates:
             return
         for model, column in zip(self.models, Y.T, strict=True):
             model.add(X, column)
+        self._means = [MeanFunction(model) for model in self.models]
 
     def mean(self, k: int, X: Array) -> Array:
         """Prediction of response `k` at rows (n, D), without the checks of the estimator."""
-        model = self.models[k]
-        Z = ((X - model.x_offset_) / np.where(model.active_, model.x_scale_, 1.0))[:, model.active_]
-        return np.asarray(model.y_offset_ + model.y_scale_ * uk.predict(model.fitted_, Z))
+        return self._means[k](X)
 
     def predict(self, k: int, X: Array) -> tuple[Array, Array]:
         """Prediction of response `k` at rows (n, D) and its standard deviation.
@@ -62,3 +62,28 @@ class Surrogates:
         self._fitted_on = len(self.X)
         kernel, trend = self._settings.kernel, self._settings.trend
         self.models = [Kriging(kernel, trend).fit(self.X, column) for column in self.Y.T]
+        self._means = [MeanFunction(model) for model in self.models]
+
+
+class MeanFunction:
+    """Prediction of a fitted Kriging (Eq. 18) with all that does not depend on the new points done before.
+
+    A search of a worst point asks for a few points thousands of times.
+    """
+
+    def __init__(self, model: Kriging) -> None:
+        fitted = model.fitted_
+        self._active = None if np.all(model.active_) else np.flatnonzero(model.active_)
+        self._offset, self._scale = model.x_offset_[model.active_], model.x_scale_[model.active_]
+        self._length, self._trend = fitted.process.length_scale, fitted.process.trend
+        self._correlation = fitted.process.correlation
+        self._samples = fitted.X / self._length
+        self._v, self._gamma = model.y_scale_ * fitted.v, model.y_scale_ * fitted.gamma
+        self._level = model.y_offset_
+
+    def __call__(self, X: Array) -> Array:
+        """Predict at rows (n, D); (n,)."""
+        Z = ((X if self._active is None else X[:, self._active]) - self._offset) / self._scale
+        r = self._correlation.value(cdist(Z / self._length, self._samples, "sqeuclidean"))
+        h_v = self._v[0] if self._trend == "constant" else basis(self._trend, Z) @ self._v
+        return np.asarray(self._level + h_v + r @ self._gamma)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
@@ -30,32 +32,46 @@ class RandomSpace:
     """
 
     def __init__(self, problem: GeneralProblem) -> None:
-        self._random = problem.random
         self._design = problem.names
         self._factor = _copula_factor(problem)
-        self._spread = [
-            compile_function(v.std, problem.names, f"random variable {v.name}: std")
+        random = problem.random
+        self._moved = [j for j, v in enumerate(random) if isinstance(v.mean, str)]
+        self._source = [problem.names.index(str(random[j].mean)) for j in self._moved]
+        self._mean = np.array([0.0 if isinstance(v.mean, str) else v.mean for v in random])
+        self._fixed = np.array([v.std if isinstance(v.std, int | float) else 0.0 for v in random])
+        self._relative = np.array([v.cov or 0.0 for v in random])
+        self._formulas = [
+            (j, v, compile_function(v.std, problem.names, f"random variable {v.name}: std"))
+            for j, v in enumerate(random)
             if isinstance(v.std, str)
-            else None
-            for v in problem.random
         ]
+        self._skewed = [(j, v) for j, v in enumerate(random) if v.dist != "normal"]
         self._direct = [k for k, name in enumerate(problem.names) if name in _used_directly(problem)]
         self.dimension = len(problem.random)
         self.names = (*(v.name for v in problem.random), *(problem.names[k] for k in self._direct))
 
     def physical(self, U: Array, D: Array) -> Array:
         """Map standard normal points (n, m) at designs (n, d) or (d,) to physical rows (n, m + direct)."""
-        D = np.broadcast_to(D, (len(U), D.shape[-1]))
-        Z = U if self._factor is None else U @ self._factor.T
-        columns = []
-        for k, variable in enumerate(self._random):
-            mean = (
-                D[:, self._design.index(variable.mean)]
-                if isinstance(variable.mean, str)
-                else np.full(len(U), variable.mean)
-            )
-            columns.append(_transformed(variable, mean, self._std(k, mean, D), Z[:, k]))
-        return np.column_stack([*columns, *(D[:, k] for k in self._direct)])
+        return self.at(D)(U)
+
+    def at(self, D: Array) -> Callable[[Array], Array]:
+        """Give :meth:`physical` at fixed designs as a function of the standard normal points alone."""
+        D = np.atleast_2d(D)
+        mean = np.tile(self._mean, (len(D), 1))
+        mean[:, self._moved] = D[:, self._source]
+        std = self._std(mean, D)
+        direct = D[:, self._direct]
+
+        def mapped(U: Array) -> Array:
+            Z = U if self._factor is None else U @ self._factor.T
+            X = mean + std * Z
+            for j, variable in self._skewed:
+                X[:, j] = _transformed(variable, mean[:, j], std[:, j], Z[:, j])
+            if not self._direct:
+                return X
+            return np.hstack([X, np.broadcast_to(direct, (len(X), direct.shape[1]))])
+
+        return mapped
 
     def box(self, lower: Array, upper: Array) -> tuple[Array, Array]:
         """Bounds of the physical rows: the design box widened by `REACH` standard deviations."""
@@ -66,20 +82,18 @@ class RandomSpace:
         ]
         return checked_bounds(np.min(corners, axis=0), np.max(corners, axis=0))
 
-    def _std(self, k: int, mean: Array, D: Array) -> Array:
-        """Give the standard deviation of variable `k`: fixed, proportional to the mean, or a formula."""
-        variable, formula = self._random[k], self._spread[k]
-        if formula is not None:
-            std = formula(dict(zip(self._design, D.T, strict=True)))
-            if not np.all(np.isfinite(std) & (std > 0.0)):
+    def _std(self, mean: Array, D: Array) -> Array:
+        """Give the standard deviations (n, m): fixed, proportional to the means, or formulas."""
+        std: Array = self._fixed + self._relative * np.abs(mean)
+        for j, variable, formula in self._formulas:
+            std[:, j] = formula(dict(zip(self._design, D.T, strict=True)))
+            wrong = ~(np.isfinite(std[:, j]) & (std[:, j] > 0.0))
+            if np.any(wrong):
                 raise InputError(
-                    f"random variable {variable.name}: std '{variable.std}' gives {std[~(std > 0.0)][0]:g}; "
+                    f"random variable {variable.name}: std '{variable.std}' gives {std[wrong, j][0]:g}; "
                     "allowed: numbers > 0"
                 )
-            return std
-        if isinstance(variable.std, int | float):
-            return np.full_like(mean, variable.std)
-        return np.abs(mean) * (variable.cov or 0.0)
+        return std
 
     def _standard(self, z: float) -> Array:
         """Give the standard normal point (1, m) that the copula maps to `z` in every variable."""
@@ -93,8 +107,6 @@ def evaluated_names(problem: GeneralProblem) -> tuple[str, ...]:
 
 
 def _transformed(variable: RandomVariable, mean: Array, std: Array, z: Array) -> Array:
-    if variable.dist == "normal":
-        return mean + std * z
     if variable.dist == "lognormal":
         if np.any(mean <= 0.0):
             raise InputError(
