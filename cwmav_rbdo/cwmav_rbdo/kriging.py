@@ -9,7 +9,8 @@ nothing but units.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import repeat
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +21,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from cwmav_common.errors import InputError
 from cwmav_rbdo import universal_kriging as uk
 from cwmav_rbdo.correlation import correlation
-from cwmav_rbdo.likelihood import Hyperparameters, Likelihood, maximise
+from cwmav_rbdo.likelihood import Hyperparameters, Likelihood
+from cwmav_rbdo.multistart import maximise, well_apart
 from cwmav_rbdo.replicates import merge_replicates
 from cwmav_rbdo.threads import for_each_block, single_thread
 from cwmav_rbdo.trend import TRENDS, basis, terms
@@ -292,10 +294,13 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _fit_scaled(self, Z: Array, f: Array, noise: Array) -> tuple[uk.Fitted, float]:
         """Fit every candidate trend and keep the one with the least leave-one-out error."""
+        candidates = self._candidates(*Z.shape)
+        counts = [len(terms(trend, Z.shape[1])) for trend in candidates]
+        smallest = (10.0 + len(f)) * np.finfo(float).eps
+        nugget = None if self.nugget == "estimate" else float(self.nugget or smallest)
+        likelihood = Likelihood(correlation(self.kernel), Z, f, basis(candidates[-1], Z), noise, nugget)
         fits = []
-        found: Hyperparameters | None = None
-        for trend in self._candidates(*Z.shape):
-            found = self._hyperparameters(Z, f, basis(trend, Z), noise, found)
+        for trend, found in zip(candidates, self._found(likelihood, counts, nugget or smallest), strict=True):
             process = Process(correlation(self.kernel), trend, found.length_scale, found.nugget)
             fitted = uk.condition(process, Z, f, noise, found.process_variance)
             fits.append((fitted, found.log_likelihood))
@@ -305,21 +310,26 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
                 best = fit
         return best
 
-    def _hyperparameters(
-        self, Z: Array, f: Array, H: Array, noise: Array, simpler: Hyperparameters | None
-    ) -> Hyperparameters:
-        smallest = (10.0 + len(f)) * np.finfo(float).eps
-        nugget = None if self.nugget == "estimate" else float(self.nugget or smallest)
-        likelihood = Likelihood(correlation(self.kernel), Z, f, H, noise, nugget)
+    def _found(
+        self, likelihood: Likelihood, counts: Sequence[int], nugget: float
+    ) -> Iterator[Hyperparameters]:
+        """Give the hyperparameters with so many regressors; from simple to rich."""
         if self.length_scale is not None:
-            return self._given(likelihood, nugget or smallest)
-        if not np.any(f):
-            return _unsearched(np.ones(Z.shape[1]), likelihood.noisy, nugget or 0.1)
+            yield from repeat(self._given(likelihood, nugget), len(counts))
+            return
+        if not np.any(likelihood.f):
+            flat = _unsearched(np.ones(likelihood.dimension), likelihood.noisy, nugget)
+            yield from repeat(flat, len(counts))
+            return
         rng = np.random.default_rng(self.random_state)
-        if simpler is None:
-            return maximise(likelihood, likelihood.starts(rng, self.starts))
-        # The optimum of a simpler trend is a good start; one fresh start guards against its neighbourhood.
-        return maximise(likelihood, np.vstack([simpler.logarithms, likelihood.starts(rng, 1)]))
+        points, values = likelihood.screened(rng, counts, self.starts)
+        starts = well_apart(points, values[:, 0], self.starts)
+        for k, count in enumerate(counts):
+            found = maximise(likelihood.restricted(count), starts)
+            yield found
+            if k + 1 < len(counts):
+                # The optimum of a simpler trend is a good start; another guards against its neighbourhood.
+                starts = np.vstack([found.logarithms, well_apart(points, values[:, k + 1], 1)])
 
     def _given(self, likelihood: Likelihood, nugget: float) -> Hyperparameters:
         length = np.broadcast_to(np.asarray(self.length_scale, dtype=np.float64), self.x_scale_.shape)

@@ -1,24 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hyperparameters by maximum likelihood, with analytic gradient and seeded multi-start.
+"""Likelihood of the hyperparameters and its analytic gradient.
 
 The trend coefficients are always concentrated out (Eq. 17). So is the process variance when the responses
 are exact; with noise of known variance it does not factor out and becomes one more variable of the search.
 
 All lengths are in units of the scaled samples, so the bounds hold for every problem.
+
+Symmetric matrices are kept as half of their entries, in the rectangular full packed order of LAPACK
+(Gustavson, Wasniewski, Dongarra and Langou 2010, ACM Trans. Math. Softw. 37:18): the pairs of samples are
+stored in the order in which the factorisation wants the matrix, so nothing is copied and nothing computed
+twice.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack, qr
-from scipy.optimize import minimize
+from scipy.linalg import lapack
 from scipy.stats import qmc
 
 from cwmav_rbdo.correlation import Correlation
-from cwmav_rbdo.universal_kriging import cholesky_factor
+from cwmav_rbdo.universal_kriging import LARGEST_NUGGET
 
 Array = NDArray[np.float64]
 
@@ -29,15 +36,6 @@ VARIANCE_BOUNDS = (1e-6, 1e4)
 NUGGET_BOUNDS = (1e-12, 1.0)
 
 SCREENING_PER_VARIABLE = 10
-ITERATIONS = 100
-_FIRST = 8
-"""Iterations of every start before it is decided which of them go on."""
-_RIVAL = 10.0
-"""Log-likelihood by which a start may be behind then and still overtake."""
-_TOGETHER = 0.1
-"""Logarithms of hyperparameters closer than this are on the same hill."""
-_APART = 0.7
-"""Least distance of two starts in the logarithm of some hyperparameter: a factor of two."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,9 @@ class _Parts:
 
     value: float
     L: Array
+    """Cholesky factor of the correlation matrix, packed."""
     residual: Array
+    """L^-1 (f - H v)."""
     s: Array
     r: Array
     length: Array
@@ -92,9 +92,10 @@ class Likelihood:
         self._right = np.asfortranarray(np.column_stack([H, f]))
         self.noisy = bool(np.any(noise > 0.0))
         self.fixed_nugget = nugget
-        self._lower = np.tril_indices(n, -1)
-        differences = X[self._lower[0]] - X[self._lower[1]]
-        self._squared = np.ascontiguousarray((differences**2).T)
+        first, second = _packed_pairs(n)
+        self._diagonal = np.flatnonzero(first == second)
+        self._diagonal = self._diagonal[np.argsort(first[self._diagonal])]
+        self._squared = np.ascontiguousarray(((X[first] - X[second]) ** 2).T)
         self.bounds = [(np.log(LENGTH_BOUNDS[0]), np.log(LENGTH_BOUNDS[1]))] * d
         if self.noisy:
             self.bounds.append((np.log(VARIANCE_BOUNDS[0]), np.log(VARIANCE_BOUNDS[1])))
@@ -109,55 +110,100 @@ class Likelihood:
         nugget = float(values[-1]) if self.fixed_nugget is None else self.fixed_nugget
         return values[: self.dimension], variance, nugget
 
-    def value(self, p: Array) -> float:
-        """Negative log-likelihood per sample."""
-        parts = self._factor(p)
-        return np.inf if parts is None else parts.value
+    def restricted(self, terms: int) -> Self:
+        """Give the likelihood with only the first regressors of the trend."""
+        other = copy(self)
+        other._right = np.asfortranarray(np.column_stack([self._right[:, :terms], self.f]))
+        return other
 
     def __call__(self, p: Array) -> tuple[float, Array]:
         """Negative log-likelihood per sample and its gradient."""
+        value, gradient, _ = self.evaluate(p)
+        return value, gradient
+
+    def evaluate(self, p: Array) -> tuple[float, Array, float]:
+        """Negative log-likelihood per sample, its gradient, and the least pivot of the factorisation."""
         parts = self._factor(p)
         if parts is None:
-            return 1e10, np.zeros(len(p))
-        return parts.value, self._gradient(parts) / len(self.f)
+            return 1e10, np.zeros(len(p)), 0.0
+        pivot = float(np.min(parts.L[self._diagonal])) ** 2
+        return parts.value, self._gradient(parts) / len(self.f), pivot
+
+    def values(self, p: Array, terms: Sequence[int]) -> Array:
+        """Negative log-likelihood per sample with the first regressors alone, for each of their numbers."""
+        factored = self._cholesky(p)
+        if factored is None:
+            return np.full(len(terms), np.inf)
+        L, _, _, _, _ = factored
+        # The orthogonal factor of more regressors begins with that of fewer.
+        triangle, _ = self._triangle(self._whitened(L))
+        squares = triangle[:, -1] ** 2
+        _, variance, _ = self.unpack(p)
+        return np.array([self._value(L, float(squares[count:].sum()), variance) for count in terms])
+
+    def _cholesky(self, p: Array) -> tuple[Array, Array, Array, float, Array] | None:
+        """Factorise the correlation matrix; None where it is singular."""
+        length, variance, nugget = self.unpack(p)
+        s = np.dot(length**-2, self._squared)
+        r = self.correlation.value(s)
+        relative_noise = self.noise / variance
+        r[self._diagonal] = 1.0 + nugget + relative_noise
+        added = 0.0
+        while True:
+            L, info = lapack.dpftrf(len(self.f), r, uplo="L")
+            if info == 0:
+                return L, s, r, nugget, relative_noise
+            if added >= LARGEST_NUGGET:
+                return None
+            more = max(9.0 * added, len(self.f) * np.finfo(float).eps)
+            r[self._diagonal] += more
+            added += more
+
+    def _whitened(self, L: Array) -> Array:
+        solved: Array = lapack.dtfsm(1.0, L, self._right, uplo="L")
+        return solved
+
+    def _triangle(self, whitened: Array) -> tuple[Array, Array]:
+        """Triangular factor of the whitened regressors and response; the last column is the response."""
+        packed, _, _, _ = lapack.dgeqrf(whitened)
+        k = min(packed.shape)
+        return np.triu(packed[:k]), whitened
+
+    def _value(self, L: Array, q: float, variance: float) -> float:
+        n = len(self.f)
+        q = max(q, np.finfo(float).tiny)
+        if not self.noisy:
+            variance = q / n
+        log_det = 2.0 * float(np.sum(np.log(L[self._diagonal])))
+        return float(0.5 * (n * np.log(2.0 * np.pi * variance) + log_det + q / variance) / n)
 
     def _factor(self, p: Array) -> _Parts | None:
         """Factorise the correlation matrix and solve Eq. 17; None where the matrix is singular."""
-        length, variance, nugget = self.unpack(p)
-        n = len(self.f)
-        s = (1.0 / length**2) @ self._squared
-        r = self.correlation.value(s)
-        R = np.zeros((n, n), order="F")
-        R[self._lower] = r
-        relative_noise = self.noise / variance
-        R[np.diag_indices(n)] = 1.0 + nugget + relative_noise
-        try:
-            L, _ = cholesky_factor(R)
-        except np.linalg.LinAlgError:
+        factored = self._cholesky(p)
+        if factored is None:
             return None
-        whitened, _ = lapack.dtrtrs(L, self._right, lower=1)
-        Q, _ = qr(whitened[:, :-1], mode="economic", check_finite=False)
-        residual = whitened[:, -1] - Q @ (Q.T @ whitened[:, -1])
+        L, s, r, nugget, relative_noise = factored
+        length, variance, _ = self.unpack(p)
+        triangle, whitened = self._triangle(self._whitened(L))
+        v, _ = lapack.dtrtrs(triangle[:-1, :-1], triangle[:-1, -1])
+        residual = whitened[:, -1] - whitened[:, :-1] @ v
         q = max(float(residual @ residual), np.finfo(float).tiny)
+        value = self._value(L, q, variance)
         if not self.noisy:
-            variance = q / n
-        log_det = 2.0 * float(np.sum(np.log(np.diag(L))))
-        value = 0.5 * (n * np.log(2.0 * np.pi * variance) + log_det + q / variance) / n
+            variance = q / len(self.f)
         return _Parts(value, L, residual, s, r, length, variance, nugget, relative_noise)
 
     def _gradient(self, parts: _Parts) -> Array:
         n = len(self.f)
         residual, variance = parts.residual, parts.variance
-        gamma, _ = lapack.dtrtrs(parts.L, residual, lower=1, trans=1)
-        R_inv, _ = lapack.dpotri(parts.L, lower=1)
-        # W holds dlogL/dR: gamma gamma' / sigma^2 - R^-1, of which the lower triangle is enough.
-        W = gamma[self._lower[0]] * gamma[self._lower[1]]
-        W /= variance
-        W -= R_inv[self._lower]
+        gamma = lapack.dtfsm(1.0, parts.L, residual[:, None], uplo="L", trans="T")
+        # W holds dlogL/dR: gamma gamma' / sigma^2 - R^-1.
+        R_inv, _ = lapack.dpftri(n, parts.L, uplo="L")
+        W = lapack.dsfrk(n, 1, 1.0 / variance, gamma, -1.0, R_inv, uplo="L", overwrite_c=1)
+        diagonal = W[self._diagonal]
         W *= self.correlation.slope(parts.s, parts.r)
-        # The sum over i < j counts every pair once: the factor 1/2 of the likelihood cancels.
+        # Every pair is there once, so the factor 1/2 of the likelihood cancels; on the diagonal s stays zero.
         slopes = [(-2.0 / parts.length**2) * (self._squared @ W)]
-        diagonal = gamma**2 / variance - np.diag(R_inv)
         if self.noisy:
             q = float(residual @ residual)
             of_noise = float(diagonal @ parts.relative_noise)
@@ -166,11 +212,14 @@ class Likelihood:
             slopes.append(np.array([0.5 * parts.nugget * float(diagonal.sum())]))
         return -np.concatenate(slopes)
 
-    def starts(self, rng: np.random.Generator, count: int) -> Array:
-        """Best of a screened Latin hypercube in the logarithms; (count, number of hyperparameters).
+    def screened(self, rng: np.random.Generator, terms: Sequence[int], least: int) -> tuple[Array, Array]:
+        """Look at a Latin hypercube in the logarithms, at least so many points.
 
-        Neighbours of a better point would climb the same hill, so they give way to points elsewhere: a rough
-        response has its hill at short length scales, and the long ones, where it passes for noise, another.
+        Returns
+        -------
+        points : (m, number of hyperparameters) array
+        values : (m, len(terms)) array
+            Negative log-likelihoods with so many regressors.
         """
         low = [np.log(START_BOUNDS[0])] * self.dimension
         high = [np.log(START_BOUNDS[1])] * self.dimension
@@ -180,51 +229,13 @@ class Likelihood:
         if self.fixed_nugget is None:
             low.append(np.log(1e-8))
             high.append(np.log(1e-1))
-        screened = max(count, SCREENING_PER_VARIABLE * len(low))
-        points = qmc.scale(qmc.LatinHypercube(len(low), rng=rng).random(screened), low, high)
-        values = np.array([self.value(p) for p in points])
-        ranked = points[np.argsort(values, kind="stable")]
-        chosen: list[Array] = []
-        for point in ranked:
-            if all(np.max(np.abs(point - other)) > _APART for other in chosen):
-                chosen.append(point)
-            if len(chosen) == count:
-                break
-        return np.array(chosen)
+        count = max(least, SCREENING_PER_VARIABLE * len(low))
+        points = qmc.scale(qmc.LatinHypercube(len(low), rng=rng).random(count), low, high)
+        return points, np.array([self.values(p, terms) for p in points])
 
 
-def maximise(likelihood: Likelihood, starts: Array) -> Hyperparameters:
-    """Climb from every start with L-BFGS-B and return the best end.
-
-    All climb a little; to the top go the best and those that may still overtake it from elsewhere.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-    starts : (k, number of hyperparameters) array
-    """
-    begun = sorted((_climb(likelihood, start, _FIRST) for start in starts), key=lambda end: end[0])
-    n = len(likelihood.f)
-    rivals: list[tuple[float, Array]] = []
-    for value, point in begun:
-        near = any(np.max(np.abs(point - other)) < _TOGETHER for _, other in rivals)
-        if not near and (value - begun[0][0]) * n < _RIVAL:
-            rivals.append((value, point))
-    ends = [_climb(likelihood, point, ITERATIONS) for _, point in rivals]
-    best_value, best_point = min([*begun, *ends], key=lambda end: end[0])
-    length, variance, nugget = likelihood.unpack(best_point)
-    return Hyperparameters(
-        best_point, length, variance if likelihood.noisy else None, nugget, -best_value * n
-    )
-
-
-def _climb(likelihood: Likelihood, start: Array, iterations: int) -> tuple[float, Array]:
-    found = minimize(
-        likelihood,
-        start,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=likelihood.bounds,
-        options={"maxiter": iterations, "ftol": 1e-7, "gtol": 1e-6},
-    )
-    return float(found.fun), np.asarray(found.x)
+def _packed_pairs(n: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Row and column of every entry of the packed lower triangle of an (n, n) matrix."""
+    numbered = np.arange(float(n * n)).reshape(n, n, order="F")
+    packed, _ = lapack.dtrttf(numbered, uplo="L")
+    return np.divmod(packed.astype(int), n)[::-1]

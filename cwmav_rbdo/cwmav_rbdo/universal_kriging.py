@@ -23,7 +23,8 @@ from cwmav_rbdo.trend import basis, basis_gradient
 
 Array = NDArray[np.float64]
 
-_LARGEST_NUGGET = 1e-6
+LARGEST_NUGGET = 1e-6
+"""Beyond it a correlation matrix counts as singular."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def cholesky_factor(R: Array) -> tuple[Array, float]:
         L, info = lapack.dpotrf(R, lower=1)
         if info == 0:
             return L, added
-        if added >= _LARGEST_NUGGET:
+        if added >= LARGEST_NUGGET:
             raise np.linalg.LinAlgError("singular correlation matrix")
         more = max(9.0 * added, len(R) * np.finfo(float).eps)
         R = R + more * np.eye(len(R))

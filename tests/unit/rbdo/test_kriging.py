@@ -261,3 +261,19 @@ def test_chunks_do_not_change_the_prediction(branin_samples, monkeypatch):
     for a, b in zip(model.predict(new, return_mse=True), whole, strict=True):
         assert_allclose(a, b, rtol=1e-6, atol=1e-4)
     assert_allclose(model.predict(new), whole[0], rtol=1e-6, atol=1e-4)
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_screening_knows_the_likelihood_of_every_simpler_trend(noisy):
+    X = hypercube(20, 2)
+    noise = np.full(20, 1e-3 if noisy else 0.0)
+    f = np.sin(4 * X[:, 0]) + X[:, 1] ** 2
+    whole = Likelihood(correlation("gaussian"), X, f, basis("quadratic", X), noise, 1e-8)
+    p = np.log([0.3, 0.8] + [0.7] * noisy)
+    apart = [
+        Likelihood(correlation("gaussian"), X, f, basis(trend, X), noise, 1e-8)(p)[0]
+        for trend in ("constant", "linear", "quadratic")
+    ]
+    assert_allclose(whole.values(p, [1, 3, 6]), apart, rtol=1e-9)
+    assert_allclose([whole.restricted(k)(p)[0] for k in (1, 3, 6)], apart, rtol=1e-9)
+    assert len(set(np.round(apart, 6))) == 3
