@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs every method on every study for many seeds, a line of JSON each; none is run twice."""
+"""Runs every method on every study for many seeds, a line of JSON each; none is run twice.
+
+A study on data that may be replaced, as the bundled lift table is from time to time, says in every line
+which they were; on other data it is another study.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cwmav_common.errors import CwmavError, InputError
-from cwmav_rbdo.evidence.studies import Outcome, published_problem, wing_study
+from cwmav_rbdo.evidence.studies import Outcome, made_on, published_problem, wing_study
 
 METHODS: dict[str, tuple[str, float]] = {
     "classical": ("classical", 0.25),
@@ -52,14 +56,15 @@ def collect(
     for name in names:
         if name not in STUDIES:
             raise InputError(f"study '{name}' is unknown; allowed: {', '.join(STUDIES)}")
-    done = {(r["study"], r["method"], r["seed"]) for r in read(path)}
+    done = {(r["study"], r["on"], r["method"], r["seed"]) for r in read(path)}
     path.parent.mkdir(parents=True, exist_ok=True)
     for seed in range(seeds):
         for name in names:
+            on = made_on(name)
             for label, (method, q) in METHODS.items():
-                if (name, label, seed) in done:
+                if (name, on, label, seed) in done:
                     continue
-                row = {"study": name, "method": label, "seed": seed, **_run(name, method, q, seed)}
+                row = {"study": name, "on": on, "method": label, "seed": seed, **_run(name, method, q, seed)}
                 with path.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
                 on_run(f"{name} {label} seed {seed}: {row['reached']} to reach, stopped at {row['stopped']}")
@@ -82,9 +87,9 @@ def read(path: Path) -> list[dict[str, Any]]:
     if whole < len(content):
         with path.open("r+b") as file:
             file.truncate(whole)
-    rows: dict[tuple[str, str, int], dict[str, Any]] = {}
+    rows: dict[tuple[str, str, str, int], dict[str, Any]] = {}
     for row in _parsed(path, content[:whole].splitlines()):
-        rows.setdefault((row["study"], row["method"], row["seed"]), row)
+        rows.setdefault((row["study"], row["on"], row["method"], row["seed"]), row)
     return list(rows.values())
 
 
@@ -92,7 +97,8 @@ def _parsed(path: Path, lines: Iterable[bytes]) -> Iterable[dict[str, Any]]:
     for number, line in enumerate(lines, 1):
         try:
             row = json.loads(line)
-            yield {key: row[key] for key in ("study", "method", "seed", "reached", "stopped", "gap")}
+            found = {key: row[key] for key in ("study", "method", "seed", "reached", "stopped", "gap")}
+            yield found | {"on": row.get("on", "")}
         except (ValueError, KeyError, TypeError):
             raise InputError(f"{path}: line {number} is no run of this comparison") from None
 

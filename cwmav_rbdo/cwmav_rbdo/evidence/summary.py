@@ -22,9 +22,9 @@ def summarise(rows: Sequence[Row]) -> list[dict[str, Any]]:
     None.
     """
     found = []
-    for study in dict.fromkeys(r["study"] for r in rows):
+    for study in dict.fromkeys(_name(r) for r in rows):
         for method in METHODS:
-            runs = [r for r in rows if r["study"] == study and r["method"] == method]
+            runs = [r for r in rows if _name(r) == study and r["method"] == method]
             if runs:
                 found.append(_summary(study, method, runs))
     return found
@@ -75,6 +75,11 @@ def write_figure(rows: Sequence[Row], path: Path) -> None:
         axes.grid(axis="x", alpha=0.3)
     panels[-1].set_xlabel("true evaluations until the design is the optimum (median, quartiles) [1]")
     figure.savefig(path, dpi=120)
+
+
+def _name(row: Row) -> str:
+    """Name of a study, with the data it was made on where they may be replaced."""
+    return f"{row['study']} ({row['on']})" if row["on"] else str(row["study"])
 
 
 def _summary(study: str, method: str, runs: Sequence[Row]) -> dict[str, Any]:

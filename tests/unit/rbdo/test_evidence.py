@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
+import importlib
 import json
+import re
 
 import pytest
 
 from cwmav_common.errors import InputError
 from cwmav_rbdo.evidence import collect, summarise, table_lines, write_figure
 from cwmav_rbdo.evidence.collect import METHODS, STUDIES, read
-from cwmav_rbdo.evidence.studies import Outcome
+from cwmav_rbdo.evidence.studies import Outcome, made_on
+
+collect_module = importlib.import_module("cwmav_rbdo.evidence.collect")
 
 
 @pytest.fixture
@@ -32,6 +36,21 @@ def test_runs_are_continued_and_none_is_repeated(tmp_path, counted):
     assert len(read(path)) == 2 * len(METHODS)
     path.write_text(2 * path.read_text())  # two programs at once
     assert len(read(path)) == 2 * len(METHODS)
+
+
+def test_another_lift_table_is_another_study(tmp_path, counted, monkeypatch):
+    path = tmp_path / "evidence.jsonl"
+    monkeypatch.setattr(collect_module, "made_on", lambda study: "lift table 1 of 8 runs")
+    collect(path, 1, ["paper_surface_2"])
+    monkeypatch.setattr(collect_module, "made_on", lambda study: "lift table 2 of 47 runs")
+    collect(path, 1, ["paper_surface_2"])
+    collect(path, 1, ["paper_surface_2"])
+    assert len(counted) == 2 * len(METHODS)
+    lines = "\n".join(table_lines(read(path)))
+    assert "| paper_surface_2 (lift table 1 of 8 runs) | classical | 1 |" in lines
+    assert "| paper_surface_2 (lift table 2 of 47 runs) | classical | 1 |" in lines
+    assert re.fullmatch("lift table [0-9a-f]{8} of [0-9]+ runs", made_on("wing_table_2"))
+    assert made_on("youn_choi_2d") == ""
 
 
 def test_a_run_that_never_arrives_counts_as_the_slowest(tmp_path, counted):
