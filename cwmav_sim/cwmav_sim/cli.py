@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -96,7 +97,7 @@ def run(
             device=device,
             observers=observers,
             start=start,
-            keep_state=keep_state,
+            keep_state=out if keep_state else None,
         )
     if picture is not None and slicer is not None and slicer.slice is not None:
         draw(case, result, slicer.slice, picture)
@@ -141,17 +142,23 @@ def sweep(
     cluster: Annotated[
         str, typer.Option(help="Scheduler of a dask cluster to run on instead, such as tcp://host:8786.")
     ] = "",
+    start_nearest: Annotated[
+        bool, typer.Option("--start-nearest", help="Start every row from the air of the nearest row before.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Simulate many operating points, keeping every result as soon as it is there."""
     from cwmav_sim import run as running
-    from cwmav_sim import runners
+    from cwmav_sim import runners, warm
     from cwmav_sim import sweep as sweeping
     from cwmav_sim.store import ResultStore
 
     running.check_device(device)
     base = cases.with_overrides(cases.preset(preset), assignments or [])
     points = sweeping.cases_of(base, sweeping.read_points(table))
+    states = out.resolve() / "states" if start_nearest else None
+    if start_nearest:
+        points = warm.from_nearest(points)
     out.mkdir(parents=True, exist_ok=True)
     cases.dump_case(base, out / "config.yaml")
     results: dict[int, LiftResult] = {}
@@ -166,17 +173,26 @@ def sweep(
         bar.update(1, note)
         message(f"case {number + 1} of {len(points)}  {describe_point(points[number])}  {note}")
 
+    def has_state(case: Case) -> bool:
+        return states is None or warm.EndState.there(states / case.address())
+
     runner: runners.Runner
     if cluster:
-        runner = runners.Cluster(cluster, device)
+        runner = runners.Cluster(cluster, device, partial(runners.run_mapping, states=states))
     elif workers > 1:
-        runner = runners.Processes(workers, device)
+        runner = runners.Processes(workers, device, partial(runners.in_worker, states=states))
     else:
         runner = runners.InProcess(
-            lambda case: running.simulate(case, out=out / "runs" / case.address(), resume=True, device=device)
+            lambda case: running.simulate(
+                case,
+                out=out / "runs" / case.address(),
+                resume=True,
+                device=device,
+                **runners.kept_states(case, states),
+            )
         )
     with progress(len(points), "sweep", "case") as bar, closing(runner):
-        swept = sweeping.sweep(points, ResultStore(out / "store"), runner, keep)
+        swept = sweeping.sweep(points, ResultStore(out / "store"), runner, keep, has_state)
     content = {"cases": [r.to_json() for r in swept.results], "failed": list(swept.failed)}
     done = f"{len(swept.results)} results ({swept.computed} computed now) in {out / 'sweep.csv'}"
     emit(content, json, [done])

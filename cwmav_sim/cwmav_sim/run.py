@@ -78,7 +78,7 @@ def simulate(
     observers: Sequence[Observer] = (),
     device: str = "cpu",
     start: EndState | None = None,
-    keep_state: bool = False,
+    keep_state: Path | None = None,
 ) -> LiftResult:
     """Simulate a case and average the forces over whole flapping cycles.
 
@@ -102,8 +102,8 @@ def simulate(
         Where to compute.
     start : EndState, optional
         The air that the run ``case.run.start_from`` left; see :func:`cwmav_sim.warm.started`.
-    keep_state : bool
-        Leave the air at the end in ``out``, so that other cases can start from it.
+    keep_state : Path, optional
+        Folder in which to leave the air at the end, so that other cases can start from it.
 
     Returns
     -------
@@ -134,9 +134,9 @@ def simulate(
         if cycle >= case.run.cycles and _periodic(case, work.recorder):
             break
     result = _result(case, work, device)
+    if keep_state is not None:
+        EndState.of(case, work.solver).write(keep_state)
     if out is not None and checkpoint is not None:
-        if keep_state:
-            EndState.of(case, work.solver).write(Path(out))
         write_run(Path(out), case, result)
         checkpoint.remove()
     return result

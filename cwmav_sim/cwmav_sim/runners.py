@@ -7,7 +7,8 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, Protocol, TypedDict
 
 from cwmav_common import cluster
 from cwmav_common.errors import WorkError
@@ -15,8 +16,16 @@ from cwmav_common.settings import to_mapping
 from cwmav_common.workers import Channel, WorkerPool
 from cwmav_sim.case import Case, from_dict
 from cwmav_sim.result import LiftResult
+from cwmav_sim.warm import EndState
 
 _TRIES = 3  # of a case whose process dies
+
+
+class KeptStates(TypedDict):
+    """Where a run starts from and where it leaves its air."""
+
+    start: EndState | None
+    keep_state: Path | None
 
 
 class Runner(Protocol):
@@ -78,7 +87,7 @@ class Processes:
 
     def __init__(self, workers: int, device: str, run: Callable[..., LiftResult] | None = None) -> None:
         self._pool = WorkerPool(workers, "cwmav_sim sweep")
-        self._device, self._run = device, run or _in_worker
+        self._device, self._run = device, run or in_worker
         self._threads = max(1, (os.cpu_count() or 1) // workers)
 
     @property
@@ -157,19 +166,35 @@ class Cluster:
         self._client.close()
 
 
-def run_mapping(values: dict[str, Any], device: str) -> LiftResult:
-    """Run a case given as plain values; the result comes without its history."""
-    return _run(from_dict(values), device, None)
+def run_mapping(values: dict[str, Any], device: str, states: Path | None = None) -> LiftResult:
+    """Run a case given as plain values; the result comes without its history.
+
+    States of finished cases, where they are kept, are in folders named by address in ``states``.
+    """
+    return _run(from_dict(values), device, None, states)
 
 
-def _in_worker(case: Case, device: str, threads: int, channel: Channel) -> LiftResult:
+def in_worker(
+    case: Case, device: str, threads: int, channel: Channel, states: Path | None = None
+) -> LiftResult:
+    """Run a case in a process of a pool; see :func:`run_mapping`."""
     import numba
 
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
-    return _run(case, device, channel.cancelled)
+    return _run(case, device, channel.cancelled, states)
 
 
-def _run(case: Case, device: str, cancelled: Callable[[], bool] | None) -> LiftResult:
+def _run(case: Case, device: str, cancelled: Callable[[], bool] | None, states: Path | None) -> LiftResult:
     from cwmav_sim.run import simulate
 
-    return replace(simulate(case, device=device, cancelled=cancelled), history=None)
+    result = simulate(case, device=device, cancelled=cancelled, **kept_states(case, states))
+    return replace(result, history=None)
+
+
+def kept_states(case: Case, states: Path | None) -> KeptStates:
+    """Return what a simulation needs to start from a kept state and to keep its own."""
+    if states is None:
+        return {"start": None, "keep_state": None}
+    source = case.run.start_from
+    start = EndState.read(states / source) if source else None
+    return {"start": start, "keep_state": states / case.address()}

@@ -122,6 +122,7 @@ def sweep(
     store: ResultStore,
     runner: Runner,
     on_result: Callable[[int, LiftResult | Failure], None] | None = None,
+    has_state: Callable[[Case], bool] = lambda case: True,
 ) -> SweepResult:
     """Run every case that the store does not hold.
 
@@ -135,6 +136,9 @@ def sweep(
         Runs cases, several at a time.
     on_result : callable, optional
         Told the number of each case and its result or failure, as soon as it is known.
+    has_state : callable, optional
+        Tells whether the last air of a case that the store holds is there too. A case runs after the one it
+        starts from; where that one's air is missing, it is computed again.
 
     Returns
     -------
@@ -148,19 +152,23 @@ def sweep(
         if on_result is not None:
             on_result(number, outcome)
 
-    waiting: list[int] = []
-    for number, case in enumerate(cases):
-        stored = store.get(case)
-        if stored is None:
-            waiting.append(number)
-        else:
-            keep(number, stored)
+    stored = _stored(cases, store, has_state)
+    for number, result in sorted(stored.items()):
+        keep(number, result)
+    waiting = [number for number in range(len(cases)) if number not in stored]
     computed = len(waiting)
+    number_of = {case.address(): number for number, case in enumerate(cases)}
     running: dict[Future[LiftResult], int] = {}
     while waiting or running:
-        while waiting and len(running) < runner.workers:
-            number = waiting.pop(0)
-            running[runner.submit(cases[number])] = number
+        for number in tuple(waiting):
+            source = number_of.get(cases[number].run.start_from)
+            if len(running) == runner.workers or (source is not None and source not in outcomes):
+                continue
+            waiting.remove(number)
+            if source is not None and isinstance(outcomes[source], Failure):
+                keep(number, _failure(cases[number], "the case it starts from failed"))
+            else:
+                running[runner.submit(cases[number])] = number
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             number = running.pop(future)
             keep(number, _settle(cases[number], future, store))
@@ -177,9 +185,28 @@ def _settle(case: Case, future: Future[LiftResult], store: ResultStore) -> LiftR
     except CancelledError:
         raise
     except WorkError as error:
-        return Failure(case.flapping_frequency, case.airspeed, case.angle_of_attack_deg, str(error))
+        return _failure(case, str(error))
     store.put(case, result)
     return result
+
+
+def _failure(case: Case, reason: str) -> Failure:
+    return Failure(case.flapping_frequency, case.airspeed, case.angle_of_attack_deg, reason)
+
+
+def _stored(
+    cases: Sequence[Case], store: ResultStore, has_state: Callable[[Case], bool]
+) -> dict[int, LiftResult]:
+    """Return what need not be computed; cases come after those they start from."""
+    found: dict[int, LiftResult] = {}
+    wanted: set[str] = set()  # addresses of cases whose air is needed
+    for number, case in reversed(tuple(enumerate(cases))):
+        result = store.get(case)
+        if result is None or (case.address() in wanted and not has_state(case)):
+            wanted.add(case.run.start_from)
+        else:
+            found[number] = result
+    return found
 
 
 _TABLE = (

@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from cwmav_sim.solver import Solver
 FloatArray = NDArray[np.float64]
 
 _NAME = "state.npz"
+_SPACE = np.array([26.0, 70.0, 6.0])  # extent of the design space: F [Hz], AoA [deg], U [m/s]
 _FREE = ("preset", "flapping_frequency", "angle_of_attack_deg", "airspeed", "run")
 
 
@@ -59,6 +61,11 @@ class EndState:
         """Take the state of a run that has just ended."""
         pressure = solver.pressure - case.flow.fluid.background_pressure
         return cls(case, case.address(), solver.position.copy(), solver.velocity.copy(), pressure)
+
+    @staticmethod
+    def there(folder: Path) -> bool:
+        """Tell whether the folder of a run holds a state."""
+        return (folder / _NAME).exists()
 
     @classmethod
     def read(cls, folder: Path) -> EndState:
@@ -141,6 +148,22 @@ def fill(solver: Solver, case: Case, start: EndState | None) -> None:
     old, new = (np.array([c.airspeed, 0.0, 0.0]) for c in (start.case, case))
     solver.restore(solver.save() | {"x": start.x.copy(), "v": new + ratio * (start.v - old)})
     solver.set_pressure(ratio**2 * start.pressure)
+
+
+def from_nearest(cases: Sequence[Case]) -> list[Case]:
+    """Let every case but the first start from the nearest one before it.
+
+    Distances are shares of the design space. Cases added at the end change none of those before.
+    """
+    out: list[Case] = []
+    points = np.array([[c.flapping_frequency, c.angle_of_attack_deg, c.airspeed] for c in cases])
+    for number, case in enumerate(cases):
+        if number:
+            away = np.linalg.norm((points[:number] - points[number]) / _SPACE, axis=1)
+            source = out[int(np.argmin(away))].address()
+            case = replace(case, run=replace(case.run, start_from=source))
+        out.append(case)
+    return out
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

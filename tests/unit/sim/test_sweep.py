@@ -2,6 +2,8 @@
 """Sweeps resume, list what failed, and refuse bad tables before any work."""
 
 import csv
+from concurrent.futures import Future
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from cwmav_sim.runners import InProcess
 from cwmav_sim.store import ResultStore
 from cwmav_sim.sweep import cases_of, latin_hypercube, read_points, sweep, write_points, write_table
 from cwmav_sim.table import read_rows
+from cwmav_sim.warm import from_nearest
 from support.sim_results import result_for
 
 POINTS = [(8.0, 0.0, 2.0), (16.0, 15.0, 3.5), (24.0, 30.0, 5.0)]
@@ -60,6 +63,79 @@ def test_failed_case_is_listed_and_the_sweep_goes_on(tmp_path, points):
     assert swept.failed[0].reason == "the flow became undefined"
     assert (swept.failed[0].F_hz, swept.failed[0].AoA_deg, swept.failed[0].U_m_s) == POINTS[1]
     assert seen == [0, 1, 2]
+
+
+ROWS = [(16.0, 15.0, 3.5), (26.0, 50.0, 1.0), (17.0, 16.0, 3.5), (25.0, 45.0, 1.0), (17.0, 17.0, 3.4)]
+
+
+@pytest.fixture
+def linked():
+    return from_nearest(cases_of(cases.preset("smoke"), ROWS))
+
+
+def test_every_row_starts_from_the_nearest_before(linked):
+    address = [case.address() for case in linked]
+    assert [case.run.start_from for case in linked] == ["", address[0], address[0], address[1], address[2]]
+    longer = from_nearest(cases_of(cases.preset("smoke"), [*ROWS, (4.0, 0.0, 0.0)]))
+    assert longer[:5] == linked
+
+
+class Backwards:
+    """Three cases at a time; the one that was given last ends first."""
+
+    workers = 3
+
+    def __init__(self, fails=""):
+        self.given, self.fails, self._open = [], fails, []
+
+    def submit(self, case):
+        future = Future()
+        self.given.append(case.address())
+        self._open.append((case, future))
+        return future
+
+    def end_one(self):
+        case, future = self._open.pop()
+        if case.address() == self.fails:
+            future.set_exception(WorkError("the flow became undefined"))
+        else:
+            future.set_result(result_for(case, lift=0.1))
+
+
+def sweep_backwards(monkeypatch, runner, linked, folder, **options):
+    def wait_for_one(running, **_):
+        if running:
+            runner.end_one()
+        return SimpleNamespace(done=[future for future in running if future.done()])
+
+    monkeypatch.setattr("cwmav_sim.sweep.wait", wait_for_one)
+    return sweep(linked, ResultStore(folder), runner, **options)
+
+
+def test_a_case_waits_for_the_one_it_starts_from(tmp_path, linked, monkeypatch):
+    runner = Backwards()
+    swept = sweep_backwards(monkeypatch, runner, linked, tmp_path)
+    assert len(swept.results) == 5
+    for case in linked[1:]:
+        assert runner.given.index(case.run.start_from) < runner.given.index(case.address())
+
+
+def test_what_starts_from_a_failed_case_fails_too_and_says_why(tmp_path, linked, monkeypatch):
+    runner = Backwards(fails=linked[1].address())
+    swept = sweep_backwards(monkeypatch, runner, linked, tmp_path)
+    assert [(f.F_hz, f.reason) for f in swept.failed] == [
+        (26.0, "the flow became undefined"),
+        (25.0, "the case it starts from failed"),
+    ]
+    assert linked[3].address() not in runner.given
+
+
+def test_air_that_is_gone_is_computed_again_only_where_it_is_needed(tmp_path, linked, monkeypatch):
+    sweep_backwards(monkeypatch, Backwards(), linked[:3], tmp_path)
+    again = Backwards()
+    swept = sweep_backwards(monkeypatch, again, linked, tmp_path, has_state=lambda case: case == linked[2])
+    assert again.given == [linked[k].address() for k in (0, 4, 1, 3)]
+    assert (swept.computed, len(swept.results)) == (4, 5)
 
 
 def test_points_are_read_by_column_name(tmp_path):

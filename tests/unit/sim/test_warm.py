@@ -28,7 +28,7 @@ def tiny(*changes):
 def source(tmp_path_factory):
     """Folder and result of a run that left its air."""
     folder = tmp_path_factory.mktemp("source")
-    return folder, running.simulate(tiny(), out=folder, keep_state=True)
+    return folder, running.simulate(tiny(), out=folder, keep_state=folder)
 
 
 def start_of(case):
@@ -131,3 +131,17 @@ def test_command_line(source, tmp_path):
     assert not (tmp_path / "run" / "state.npz").exists()
     again = cases.load_case(tmp_path / "run" / "config.yaml")
     assert again.run.start_from == start.address
+
+
+def test_sweep_keeps_the_air_and_starts_rows_from_it(tmp_path):
+    table, out = tmp_path / "points.csv", tmp_path / "sweep"
+    table.write_text("F_hz,U_m_s,AoA_deg\n16,3.5,15\n18,3.5,15\n")
+    sets = [word for setting in (*TINY, *LARGE, *LENGTH) for word in ("--set", setting)]
+    command = ["sweep", str(table), "--out", str(out), "--start-nearest", "--json", *sets]
+    done = CliRunner().invoke(cli, command)
+    assert done.exit_code == 0, done.output
+    first, second = json.loads(done.stdout)["cases"]
+    assert first["address"] == tiny().address()
+    state = EndState.read(out / "states" / first["address"])
+    assert second["address"] == started(tiny().at(18.0, 15.0, 3.5), state).address()
+    assert (out / "states" / second["address"] / "state.npz").exists()
