@@ -22,11 +22,11 @@ from cwmav_common.errors import InputError
 from cwmav_common.settings import setting
 from cwmav_rbdo.dispatch import DispatchSettings
 from cwmav_rbdo.expressions import CONSTANTS, FUNCTIONS, Function, Rows, compile_function
+from cwmav_rbdo.marginals import DISTRIBUTIONS
 from cwmav_rbdo.window import WindowSettings
 from cwmav_rbdo.wing_problem import METHODS, DesignVariable, SurrogateSettings
 
 Array = NDArray[np.float64]
-DISTRIBUTIONS = ("normal", "lognormal", "uniform", "gumbel")
 KINDS = ("rbdo", "reliability", "global")
 RELIABILITY_METHODS = (
     "active_learning",

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from cwmav_common.errors import InputError
+from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
-from cwmav_rbdo.noise import ControlScatter
 from cwmav_rbdo.ratio_margin import LiftMargin, RatioMargin
-from cwmav_rbdo.reliability import certified
 from cwmav_rbdo.wing_problem import WingProblem
 
 Array = NDArray[np.float64]
@@ -130,11 +129,11 @@ class BestPercentile:
     def quick(self, surface: Surface, scatter: ControlScatter) -> Function:
         """Percentile to first order: mean minus a multiple of the propagated scatter."""
         z = float(ndtri(self.reliability))
-        return lambda X: surface.mean(X) - z * np.linalg.norm(scatter(X) * surface.gradient(X), axis=1)
+        return lambda X: surface.mean(X) - z * scatter.spread(surface.gradient(X), X)
 
     def value(self, surface: Surface, scatter: ControlScatter) -> Function:
         """Percentile by root search on the exact probability."""
-        return lambda X: percentile(surface, X, scatter(X), 1.0 - self.reliability)
+        return lambda X: percentile(surface, X, scatter, 1.0 - self.reliability)
 
     def predict(self, surface: Surface, X: Array) -> tuple[Array, Array]:
         """L/P and its error."""
@@ -188,27 +187,28 @@ def goal_of(problem: WingProblem) -> Goal:
     return BestRatio(float(require.lift_to_power or 0.0))
 
 
-def percentile(surface: Surface, X: Array, std: Array, level: float) -> Array:
+def percentile(surface: Surface, X: Array, scatter: ControlScatter, level: float) -> Array:
     """Ratio below which the scattering design falls with probability `level`; (n,) [N/W].
 
     Parameters
     ----------
     surface : fitted surrogate
-    X, std : (n, d) designs and their scatter
+    X : (n, d) designs
+    scatter : of the design variables
     level : probability, below one half
     """
-    X, std = np.atleast_2d(X), np.atleast_2d(std)
-    padded, no_scatter = np.hstack([X, np.zeros((len(X), 1))]), np.zeros((len(X), 1))
+    X = np.atleast_2d(X)
+
+    def short_of(P: Array) -> Array:
+        return surface.mean(P[:, :-1]) - P[:, -1]
 
     def beta(t: Array) -> Array:
         """Reliability index of staying above t; falls with t."""
-        padded[:, -1] = t
-        wide = np.hstack([std, no_scatter])
-        pf, _ = certified(lambda P: surface.mean(P[:, :-1]) - P[:, -1], padded, wide, _NODES, _ANGLES)
+        pf, _ = scatter.failure(short_of, X, _NODES, _ANGLES, t[:, None])
         return np.asarray(np.clip(-ndtri(pf), -9.0, 9.0))
 
     mean = surface.mean(X)
-    first = np.linalg.norm(std * surface.gradient(X), axis=1)
+    first = scatter.spread(surface.gradient(X), X)
     # At a flat top the first order is nothing; the interval then grows until it holds the percentile.
     spread = np.maximum(first, 1e-3 * np.maximum(np.abs(mean), 1e-9))
     low, high = mean - _REACH * spread, mean + 3.0 * spread

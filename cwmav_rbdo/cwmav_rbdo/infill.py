@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.goals import goal_of
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
-from cwmav_rbdo.noise import ControlScatter
 from cwmav_rbdo.optimum import Optimum, first_order_spread
 from cwmav_rbdo.plugins import resolve
 from cwmav_rbdo.samples import Samples

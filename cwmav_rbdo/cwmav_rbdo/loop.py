@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from cwmav_common.errors import WorkError
 from cwmav_rbdo.ask_tell import Algorithm, AskTell, Point, Told
 from cwmav_rbdo.coarse_runs import lift_surrogate
+from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.criteria import judge, mean_square_error
 from cwmav_rbdo.evaluation import Answer, Evaluation, Request
 from cwmav_rbdo.goals import goal_of
@@ -26,7 +27,7 @@ from cwmav_rbdo.infill import FIXED_SIZE, State, largest_mse, new_samples
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.kriging import Kriging
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
-from cwmav_rbdo.noise import ControlScatter, Noise
+from cwmav_rbdo.noise import Noise
 from cwmav_rbdo.optimum import Optimum, reliable_optimum
 from cwmav_rbdo.result import Constraint, IterationRow, Result
 from cwmav_rbdo.samples import Samples
@@ -265,5 +266,9 @@ class AcceleratedLoop:
                 f"{outside} of {len(self.samples.evaluations)} lifts were asked for outside of the range of "
                 "the runs behind the lift table: they are extrapolations, taken with their uncertainty"
             )
+        for name, dist in problem.distribution.items():
+            yield f"{name} scatters with a {dist} distribution around its setting"
+        for a, b, rho in problem.corr:
+            yield f"scatter of {a} and {b} is correlated by a Gaussian copula, {rho:g}"
         for name in problem.fixed:
             yield f"{name} is fixed, so its scatter does not enter"

@@ -9,14 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cwmav_common.errors import InputError, WorkError
-from cwmav_rbdo.expressions import compile_function
 from cwmav_rbdo.wing_problem import CONTROLS, WingProblem
-
-Array = NDArray[np.float64]
 
 # Keys of `cwmav-rig uncertainty --json`, in the units of problem files.
 _REPORT_KEYS = {"F": "flapping_frequency_hz", "AoA": "angle_of_attack_deg", "U": "forward_velocity_m_s"}
@@ -37,7 +31,7 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Noise:
-    """Scatter of F [Hz], AoA [deg] and U [m/s], taken as independent, and where the numbers are from."""
+    """Scatter of F [Hz], AoA [deg] and U [m/s], and where the numbers are from."""
 
     scatter: Mapping[str, Scatter]
     source: str
@@ -71,54 +65,12 @@ def given(problem: WingProblem) -> Noise:
         raise InputError("noise: the problem file says 'measured', so a recording or the rig node is needed")
     scatter = {}
     for name in CONTROLS:
-        value = problem.noise[name]
-        scatter[name] = Scatter(math.nan, formula=value) if isinstance(value, str) else Scatter(value)
+        value, dist = problem.noise[name], problem.distribution.get(name, "normal")
+        varies = isinstance(value, str)
+        scatter[name] = Scatter(
+            math.nan if varies else float(value), distribution=dist, formula=str(value) if varies else ""
+        )
     return Noise(scatter, "given in the problem file")
-
-
-class ControlScatter:
-    """Standard deviations of the design variables of a study, everywhere the same or varying over the space.
-
-    Attributes
-    ----------
-    constant : (d,) array or None
-        Where they are the same everywhere.
-    """
-
-    def __init__(self, noise: Noise, problem: WingProblem) -> None:
-        self._names, self._fixed = problem.names, problem.fixed
-        self._formulas = [
-            compile_function(s.formula, CONTROLS, f"noise: {name}") if s.formula else None
-            for name, s in ((name, noise.scatter[name]) for name in problem.names)
-        ]
-        self._std = np.array([noise.std(name) for name in problem.names])
-        self.constant = self._std if not any(self._formulas) else None
-
-    def __call__(self, X: Array) -> Array:
-        """Give the standard deviations at designs (n, d); (n, d).
-
-        Raises
-        ------
-        InputError
-            A formula gives something that is no standard deviation.
-        """
-        X = np.atleast_2d(X)
-        std = np.tile(self._std, (len(X), 1))
-        if self.constant is not None:
-            return std
-        rows = {name: np.full(len(X), value) for name, value in self._fixed.items()}
-        rows |= dict(zip(self._names, X.T, strict=True))
-        for k, formula in enumerate(self._formulas):
-            if formula is not None:
-                std[:, k] = formula(rows)
-        wrong = ~(np.isfinite(std) & (std >= 0.0))
-        if np.any(wrong):
-            row, k = np.argwhere(wrong)[0]
-            raise InputError(
-                f"noise: {self._names[k]} is {std[row, k]} at {X[row].tolist()}; "
-                "allowed: standard deviations >= 0"
-            )
-        return std
 
 
 def from_report(report: Mapping[str, Any], source: str) -> Noise:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.goals import Function, Goal, goal_of
 from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
-from cwmav_rbdo.noise import ControlScatter
 from cwmav_rbdo.polish import polish
 from cwmav_rbdo.ratio_margin import LiftMargin, RatioMargin
-from cwmav_rbdo.reliability import ConvolvedField, certified, certified_estimate
+from cwmav_rbdo.reliability import ConvolvedField
 from cwmav_rbdo.result import Band
 from cwmav_rbdo.swarm import PyswarmsSwarm
 from cwmav_rbdo.wing_problem import WingProblem
@@ -77,7 +77,7 @@ def reliable_optimum(
     limit_state = goal.margin(surface, 0.0)
 
     def exact(X: Array) -> Array:
-        return certified(limit_state, X, scatter(X))[0] if goal.constrained else np.zeros(len(X))
+        return scatter.failure(limit_state, X)[0] if goal.constrained else np.zeros(len(X))
 
     quick, value = goal.quick(surface, scatter), goal.value(surface, scatter)
     screen = _screen(limit_state, lower, upper, scatter) if goal.constrained else exact
@@ -126,8 +126,7 @@ def reliability_band(
     surface: LiftToPower | DirectRatio, goal: Goal, x: Array, value: float, scatter: ControlScatter
 ) -> Band:
     """Reliability of one design (Eq. 5) on the mean surface, and on those 1.96 errors below and above."""
-    std = scatter(x[None])[0]
-    middle, low, high = (certified_estimate(goal.margin(surface, value, k), x, std) for k in (0.0, -_K, _K))
+    middle, low, high = (scatter.estimate(goal.margin(surface, value, k), x) for k in (0.0, -_K, _K))
     return Band(middle.reliability, middle.std, low.reliability, high.reliability, middle.method)
 
 
@@ -136,11 +135,11 @@ def _screen(
 ) -> FailureProbability:
     """Failure probability that is cheap enough for a swarm.
 
-    A field over the whole space where the scatter is the same everywhere and has up to three variables; else
-    the first order of the margin and its slope.
+    A field over the whole space where the scatter is normal, independent and the same everywhere; else the
+    first order of the margin and its slope.
     """
     std = scatter.constant
-    if std is None or len(std) > 3 or not np.all(std > 0):
+    if std is None or not scatter.normal or len(std) > 3 or not np.all(std > 0):
         return _first_order(g, lower, upper, scatter)
     step = 0.7
     while step < 1.2 and np.prod((upper - lower + 9.0 * std) / (step * std)) > _FIELD_POINTS:
@@ -156,7 +155,7 @@ def first_order_spread(
 
     def spread(X: Array) -> Array:
         slopes = [(g(X + h) - g(X - h)) / (2.0 * h.sum()) for h in steps]
-        return np.asarray(np.linalg.norm(scatter(X) * np.stack(slopes, axis=1), axis=1))
+        return scatter.spread(np.stack(slopes, axis=1), X)
 
     return spread
 

@@ -15,6 +15,7 @@ from cwmav_common.settings import setting
 from cwmav_rbdo.criteria import CriteriaSettings
 from cwmav_rbdo.dispatch import DispatchSettings
 from cwmav_rbdo.expressions import compile_function
+from cwmav_rbdo.marginals import DISTRIBUTIONS, copula_factor
 from cwmav_rbdo.swarm import SwarmSettings
 from cwmav_rbdo.window import WindowSettings
 
@@ -112,6 +113,13 @@ class WingProblem:
     noise: dict[str, float | str] | None = setting(  # noqa: RUF009
         None, "standard deviations, numbers or formulas of F, AoA, U; None: measured on the rig"
     )
+    distribution: dict[str, str] = setting(  # noqa: RUF009
+        {},
+        f"distribution of a control around its setting, where it is not normal: {', '.join(DISTRIBUTIONS)}",
+    )
+    corr: tuple[tuple[str, str, float], ...] = setting(
+        (), "pairs of controls with their Gaussian copula correlation"
+    )
     initial_samples: int = setting(6, "size of the first Latin hypercube", ge=3, le=10000)
     max_iterations: int = setting(20, "iterations after the initial one at most", ge=1, le=1000)
     max_true_evaluations: int = setting(100, "evaluated points at most", ge=4, le=100000)
@@ -132,6 +140,7 @@ class WingProblem:
     def __post_init__(self) -> None:
         _check_controls(self)
         _check_noise(self)
+        _check_shape_of_noise(self)
         _check_goal(self)
         if self.max_true_evaluations <= self.initial_samples:
             raise InputError(
@@ -223,3 +232,20 @@ def _check_noise(problem: WingProblem) -> None:
         raise InputError(
             f"noise: {', '.join(missing)} is missing; give F [Hz], AoA [deg] and U [m/s], or 'measured'"
         )
+
+
+def _check_shape_of_noise(problem: WingProblem) -> None:
+    """Check distributions and correlations."""
+    for name, dist in problem.distribution.items():
+        if name not in CONTROLS or dist not in DISTRIBUTIONS:
+            raise InputError(
+                f"distribution: {name} is '{dist}'; expected F, AoA or U with one of "
+                f"{', '.join(DISTRIBUTIONS)}"
+            )
+    for variable in problem.design:
+        if problem.distribution.get(variable.name) == "lognormal" and variable.lo <= 0.0:
+            raise InputError(
+                f"distribution: {variable.name} is 'lognormal', which needs positive values; its lo is "
+                f"{variable.lo:g}"
+            )
+    copula_factor(tuple(CONTROLS), problem.corr)

@@ -7,15 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from cwmav_common.errors import InputError
 from cwmav_rbdo.expressions import compile_function
-from cwmav_rbdo.general_problem import GeneralProblem, RandomVariable
+from cwmav_rbdo.general_problem import GeneralProblem
+from cwmav_rbdo.marginals import copula_factor, transformed
 from cwmav_rbdo.space import checked_bounds
 
 Array = NDArray[np.float64]
-_EULER = 0.5772156649015329
 REACH = 4.0
 """Standard deviations of the random variables that the first samples cover."""
 
@@ -33,7 +32,7 @@ class RandomSpace:
 
     def __init__(self, problem: GeneralProblem) -> None:
         self._design = problem.names
-        self._factor = _copula_factor(problem)
+        self._factor = copula_factor([v.name for v in problem.random], problem.corr)
         random = problem.random
         self._moved = [j for j, v in enumerate(random) if isinstance(v.mean, str)]
         self._source = [problem.names.index(str(random[j].mean)) for j in self._moved]
@@ -66,7 +65,7 @@ class RandomSpace:
             Z = U if self._factor is None else U @ self._factor.T
             X = mean + std * Z
             for j, variable in self._skewed:
-                X[:, j] = _transformed(variable, mean[:, j], std[:, j], Z[:, j])
+                X[:, j] = transformed(variable.dist, variable.name, mean[:, j], std[:, j], Z[:, j])
             if not self._direct:
                 return X
             return np.hstack([X, np.broadcast_to(direct, (len(X), direct.shape[1]))])
@@ -104,36 +103,6 @@ class RandomSpace:
 def evaluated_names(problem: GeneralProblem) -> tuple[str, ...]:
     """Names of the variables at which the expensive functions are evaluated, in order."""
     return problem.names if problem.kind == "global" else RandomSpace(problem).names
-
-
-def _transformed(variable: RandomVariable, mean: Array, std: Array, z: Array) -> Array:
-    if variable.dist == "lognormal":
-        if np.any(mean <= 0.0):
-            raise InputError(
-                f"random variable {variable.name}: a lognormal mean must be > 0, got {mean.min():g}"
-            )
-        zeta2 = np.log1p((std / mean) ** 2)
-        return np.asarray(np.exp(np.log(mean) - 0.5 * zeta2 + np.sqrt(zeta2) * z))
-    if variable.dist == "uniform":
-        return np.asarray(mean + np.sqrt(3.0) * std * (2.0 * ndtr(z) - 1.0))
-    scale = std * np.sqrt(6.0) / np.pi  # Gumbel, largest values
-    return np.asarray(mean - _EULER * scale - scale * np.log(-np.log(np.clip(ndtr(z), 1e-300, 1.0 - 1e-16))))
-
-
-def _copula_factor(problem: GeneralProblem) -> Array | None:
-    if not problem.corr:
-        return None
-    names = [v.name for v in problem.random]
-    C = np.eye(len(names))
-    for a, b, rho in problem.corr:
-        C[names.index(a), names.index(b)] = C[names.index(b), names.index(a)] = rho
-    try:
-        return np.asarray(np.linalg.cholesky(C))
-    except np.linalg.LinAlgError:
-        least = np.linalg.eigvalsh(C)[0]
-        raise InputError(
-            f"corr: the correlations contradict each other (least eigenvalue {least:.3g})"
-        ) from None
 
 
 def _used_directly(problem: GeneralProblem) -> set[str]:

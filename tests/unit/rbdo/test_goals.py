@@ -5,18 +5,19 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import gumbel_r, lognorm, norm, uniform
 
 from cwmav_common.errors import InputError
+from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.goals import percentile
 from cwmav_rbdo.lift_to_power import LiftToPower
 from cwmav_rbdo.loop import AcceleratedLoop
-from cwmav_rbdo.noise import ControlScatter, from_json, given
+from cwmav_rbdo.noise import from_json, given
 from cwmav_rbdo.optimum import reliable_optimum
 from cwmav_rbdo.reliability import line_root
 from cwmav_rbdo.sampling import latin_hypercube
 from cwmav_rbdo.window import Window, WindowSettings, adapted
-from cwmav_rbdo.wing_problem import Requirement
+from cwmav_rbdo.wing_problem import DesignVariable, Requirement
 from support.ratio_bowl import BEST, evaluate, small_problem
 
 STD = np.array([0.153, 0.462])
@@ -39,11 +40,86 @@ def optimum(surface, **changes):
 
 def test_percentile_is_the_quantile_of_the_scattering_ratio(surface):
     designs = np.array([[7.0, 10.0], BEST])
-    found = percentile(surface, designs, np.tile(STD, (2, 1)), 0.0026)
+    problem = small_problem(noise={"F": STD[0], "AoA": STD[1], "U": 0.05})
+    found = percentile(surface, designs, ControlScatter(given(problem), problem), 0.0026)
     noise = np.random.default_rng(1).standard_normal((400_000, 2)) * STD
     for design, value in zip(designs, found, strict=True):
         ratios = surface.mean(design + noise)
         assert value == pytest.approx(np.quantile(ratios, 0.0026), rel=2e-4)
+
+
+SHAPES = [
+    ({}, [("F", "AoA", 0.8)]),
+    ({"AoA": "uniform"}, []),
+    ({"F": "gumbel", "AoA": "lognormal"}, [("F", "AoA", -0.6)]),
+]
+
+
+@pytest.mark.parametrize(("distribution", "corr"), SHAPES)
+@pytest.mark.parametrize("spread", [2.0, "1.0 + 0.1*F"])
+def test_correlated_and_skewed_scatter_agrees_with_monte_carlo(surface, distribution, corr, spread):
+    """The same random vector, written down once more with scipy."""
+    problem = small_problem(
+        noise={"F": spread, "AoA": 6.0, "U": 0.05},
+        distribution=distribution,
+        corr=corr,
+        design=(DesignVariable("F", 4, 30), DesignVariable("AoA", 1, 60)),
+    )
+    scatter = ControlScatter(given(problem), problem)
+    design, limit = np.array([9.0, 16.0]), 0.10
+    estimate = scatter.estimate(lambda X: surface.mean(X) - limit, design)
+    std = [2.0 if spread == 2.0 else 1.9, 6.0]
+    rho = corr[0][2] if corr else 0.0
+    Z = np.random.default_rng(3).multivariate_normal([0, 0], [[1, rho], [rho, 1]], 400_000)
+    columns = []
+    for k, name in enumerate(("F", "AoA")):
+        frozen = marginal(distribution.get(name, "normal"), design[k], std[k])
+        assert frozen.mean() == pytest.approx(design[k])
+        assert frozen.std() == pytest.approx(std[k])
+        columns.append(frozen.ppf(norm.cdf(Z[:, k])))
+    failed = surface.mean(np.column_stack(columns)) <= limit
+    assert 1e-3 < failed.mean() < 0.5
+    assert abs(estimate.value - failed.mean()) < 4 * np.sqrt(failed.mean() / len(failed)) + 2 * estimate.std
+    many, _ = scatter.failure(lambda X: surface.mean(X) - limit, np.stack([design, design]))
+    assert many == pytest.approx(estimate.value, rel=0.02)
+
+
+def marginal(dist, mean, std):
+    if dist == "uniform":
+        return uniform(mean - math.sqrt(3) * std, 2 * math.sqrt(3) * std)
+    if dist == "gumbel":
+        scale = std * math.sqrt(6) / math.pi
+        return gumbel_r(mean - 0.5772156649 * scale, scale)
+    if dist == "lognormal":
+        zeta = math.sqrt(math.log(1 + (std / mean) ** 2))
+        return lognorm(zeta, scale=mean * math.exp(-0.5 * zeta**2))
+    return norm(mean, std)
+
+
+def test_correlation_and_distribution_change_the_design(surface):
+    """Where the requirement limits the design, its scatter decides where the limit is."""
+    noise = {"F": 1.0, "AoA": 3.0, "U": 0.05}
+    need = {"goal": "least_power", "require": Requirement(lift=0.1, reliability=0.99), "noise": noise}
+    _, plain = optimum(surface, **need)
+    power = {}
+    for rho in (-0.9, 0.9):
+        problem, found = optimum(surface, **need, corr=[("F", "AoA", rho)])
+        scatter = ControlScatter(given(problem), problem)
+        X = scatter.around(
+            np.tile(found.x, (300_000, 1)), np.random.default_rng(0).standard_normal((300_000, 2))
+        )
+        assert np.mean(surface.lift_.predict(X) > 0.1) == pytest.approx(0.99, abs=1.5e-3)
+        power[rho] = -found.value
+    # Lift grows with both: scatter that compensates itself costs less.
+    assert power[-0.9] < -plain.value < power[0.9]
+    problem, held = optimum(
+        surface,
+        noise=noise,
+        goal="percentile",
+        require=Requirement(reliability=0.9),
+        distribution={"F": "uniform"},
+    )
+    assert held.reliability.value == pytest.approx(0.9, abs=1e-3)
 
 
 @pytest.mark.slow
@@ -56,7 +132,7 @@ def test_percentile_form_is_active_where_the_constraint_is_idle(surface):
     assert held.feasible
     assert held.reliability.value == pytest.approx(0.9974, abs=1e-4)
     scatter = ControlScatter(given(problem), problem)
-    other = percentile(surface, plain.x[None], scatter(plain.x[None]), 0.0026)[0]
+    other = percentile(surface, plain.x[None], scatter, 0.0026)[0]
     assert held.value >= other - 1e-6
 
 

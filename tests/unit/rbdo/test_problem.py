@@ -15,6 +15,8 @@ from cwmav_rbdo.problem import (
     parse_text,
     problem_mapping,
 )
+from cwmav_rbdo.study import run_study
+from support.ratio_bowl import BowlEvaluator
 
 COLUMN = {
     "id": "column",
@@ -203,3 +205,45 @@ def test_formula_that_cannot_be_computed_is_a_failure_not_a_number():
 def test_missing_file_names_the_bundled_ones(tmp_path):
     with pytest.raises(InputError, match="no such file; bundled problems: .*two_variables.yaml"):
         load_problem(tmp_path / "absent.yaml")
+
+
+SCATTERED = """
+id: scattered
+kind: lift_to_power
+design: [{name: F, lo: 4, hi: 30}, {name: AoA, lo: -10, hi: 60}]
+fixed: {U: 3.0}
+noise: {F: "0.1 + 0.02*F", AoA: 0.9, U: 0.05}
+distribution: {AoA: uniform}
+corr: [[F, AoA, 0.5], [AoA, U, -0.2]]
+require: {lift_to_power: 0.12, reliability: 0.99}
+method: default
+max_true_evaluations: 30
+swarm: {particles: 60, iterations: 60, patience: 15}
+"""
+
+
+def test_scatter_of_a_file_is_used_and_read_back():
+    problem = parse_text(SCATTERED)
+    assert parse_problem(problem_mapping(problem), "again") == problem
+    result = run_study(problem, BowlEvaluator(), seed=2)
+    assert result.feasible
+    assert result.extra["noise"]["scatter"]["AoA"]["distribution"] == "uniform"
+    assert "AoA scatters with a uniform distribution around its setting" in result.decisions
+    assert "scatter of F and AoA is correlated by a Gaussian copula, 0.5" in result.decisions
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("distribution: {AoA: cauchy}", "distribution: AoA is 'cauchy'"),
+        ("distribution: {lift: normal}", "distribution: lift is 'normal'"),
+        ("distribution: {AoA: lognormal}", "AoA is 'lognormal', which needs positive values; its lo is -10"),
+        ("corr: [[F, lift, 0.5]]", r"corr \[F, lift, 0.5\]: expected two different"),
+        ("corr: [[F, AoA, 1.5]]", r"corr \[F, AoA, 1.5\]"),
+        ("corr: [[F, AoA, 0.9], [AoA, U, 0.9], [F, U, -0.9]]", "the correlations contradict each other"),
+    ],
+)
+def test_impossible_scatter_is_refused(line, message):
+    kept = [row for row in SCATTERED.splitlines() if not row.startswith(line.partition(":")[0])]
+    with pytest.raises(InputError, match=message):
+        parse_text("\n".join([*kept, line]))
