@@ -74,7 +74,10 @@ def benchmark_problem(name: str) -> GeneralProblem:
     if name not in _problems():
         raise InputError(f"benchmark '{name}' is unknown; allowed: {', '.join(_problems())}")
     entry = _problems()[name]
-    problem = parse_problem(entry | {"max_true_evaluations": _allowed(entry)}, name)
+    budget = (
+        max(_allowed(entry), _BUDGET[entry["kind"]]) if entry["kind"] == "reliability" else _allowed(entry)
+    )
+    problem = parse_problem(entry | {"max_true_evaluations": budget}, name)
     if not isinstance(problem, GeneralProblem):
         raise TypeError(f"{name} is a wing study")
     return problem
@@ -95,6 +98,9 @@ def run_benchmark(name: str, seed: int = 0) -> BenchmarkRow:
 
 
 def _allowed(entry: Mapping[str, Any]) -> int:
+    """Count what a good answer may take: a tenth of SORA's calls, all where few; those of AK-MCS."""
+    if entry["kind"] == "reliability":
+        return int(entry["published"]["evals"]["AK-MCS+U"])
     calls = entry.get("recomputed", {}).get("true_g_calls_classical", {}).get("sora_g_calls")
     if calls is None:
         return _BUDGET[entry["kind"]]
