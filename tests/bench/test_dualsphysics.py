@@ -2,7 +2,7 @@
 """Pair rate of the complete solver beside that of DualSPHysics 5 on the processor, in the same run.
 
 ``CWMAV_DUALSPHYSICS`` names the folder that holds its programs: ``bin/linux`` of its release, or of a build.
-Its case is a closed box of air at rest with the smoothing length and scheme of the paper, ours the half model
+Its case is a closed box of air at rest with our smoothing length and the scheme of the paper, ours the half model
 with flapping wings, so its pairs need not pay for sheets, shifting and sides. Processor time is the fair
 measure on a busy machine, wall time on an idle one.
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from cwmav_sim.benchmark import measure
+from cwmav_sim.benchmark import measure, sized_case
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1800)]
 
@@ -37,7 +37,7 @@ CASE = """<?xml version="1.0" encoding="UTF-8" ?>
       <gravity x="0" y="0" z="0" /> <rhop0 value="1.34" /> <rhopgradient value="1" />
       <hswl value="0" auto="true" /> <gamma value="7" /> <speedsystem value="1" auto="false" />
       <coefsound value="20" /> <speedsound value="44.3" auto="false" />
-      <hdp value="1.697056" /> <cflnumber value="0.2" />
+      <hdp value="{h_over_dp}" /> <cflnumber value="0.2" />
     </constantsdef>
     <mkconfig boundcount="240" fluidcount="9" />
     <geometry>
@@ -102,6 +102,7 @@ def box(programs, tmp_path_factory):
     folder = tmp_path_factory.mktemp("box")
     fluid = (CELLS - 1) * DP
     sizes = {"dp": DP, "fluid": fluid, "walls": fluid + 2 * DP, "end": fluid + 3 * DP}
+    sizes["h_over_dp"] = sized_case(CELLS**3).flow.resolution.h_over_dp
     (folder / "Box_Def.xml").write_text(CASE.format(**sizes))
     call(programs[0], "Box_Def", "out/Box", cwd=folder)
     return folder
