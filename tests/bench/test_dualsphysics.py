@@ -2,9 +2,9 @@
 """Pair rate of the complete solver beside that of DualSPHysics 5 on the processor, in the same run.
 
 ``CWMAV_DUALSPHYSICS`` names the folder that holds its programs: ``bin/linux`` of its release, or of a build.
-Its case is a closed box of air at rest with our smoothing length and the scheme of the paper, ours the half model
-with flapping wings, so its pairs need not pay for sheets, shifting and sides. Processor time is the fair
-measure on a busy machine, wall time on an idle one.
+Its case is a closed box of air at rest with our smoothing length and the scheme of the paper, ours the half
+model with flapping wings, so its pairs need not pay for sheets, shifting and sides. Processor time is fair
+on a busy machine, wall time on an idle one.
 """
 
 import os
