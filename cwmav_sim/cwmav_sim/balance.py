@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cwmav_sim.case import Case
 from cwmav_sim.coupling import CoupledWings
+from cwmav_sim.devices import AirSolver
 from cwmav_sim.gauges import History, cycle_mean, phase_bins
-from cwmav_sim.solver import Solver
 from cwmav_sim.sph.sheet import Nodes
 from cwmav_sim.wing.sheet import FloatArray, SheetMotion, triangle_areas
 
@@ -63,7 +63,7 @@ class Ledger:
     work: float = 0.0
 
     @classmethod
-    def of(cls, solver: Solver) -> Ledger:
+    def of(cls, solver: AirSolver) -> Ledger:
         """Open the account of a run at its start."""
         return cls(solver.momentum(), solver.kinetic_energy(), solver.particles)
 
@@ -79,7 +79,7 @@ class Ledger:
         """Go on from a work."""
         self.work = float(saved["work"])
 
-    def balance(self, solver: Solver, motion: SheetMotion, case: Case) -> dict[str, Any]:
+    def balance(self, solver: AirSolver, motion: SheetMotion, case: Case) -> dict[str, Any]:
         """Close the account; the figures are those of the simulated part of the box, half in a half model.
 
         Returns
@@ -137,12 +137,14 @@ def mean_parts(history: History, frequency: float, discard: int) -> dict[str, An
     return out
 
 
-def cost(solver: Solver, steps: int, wall: float) -> dict[str, Any]:
+def cost(solver: AirSolver, steps: int, wall: float, card: str | None = None) -> dict[str, Any]:
     """Return seconds of every phase and the rate of pair interactions, two passes per step.
 
-    The phases are those since the run was last resumed.
+    The phases are those since the run was last resumed. A run on a graphics card has its name too; there the
+    phases are those of the host: starting kernels, waiting for the card, and the structure.
     """
-    return {
+    out: dict[str, Any] = {
         "phases_s": {name: float(s) for name, s in solver.timers.seconds.items()},
         "pair_interactions_per_s": 2.0 * solver.pairs() * steps / wall,
     }
+    return out if card is None else out | {"card": card}

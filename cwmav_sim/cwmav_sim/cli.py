@@ -64,11 +64,12 @@ def run(
     from cwmav_sim import run as running
     from cwmav_sim.animation import animate as animate_slices
     from cwmav_sim.animation import check_ending
+    from cwmav_sim.devices import check_device
     from cwmav_sim.export import Snapshots
     from cwmav_sim.picture import FilmObserver, SliceObserver, draw
     from cwmav_sim.warm import EndState, started
 
-    running.check_device(device)
+    check_device(device)
     case = _case(preset, case_file, assignments, (frequency, angle, airspeed))
     start = EndState.read(start_from) if start_from else None
     if start is not None:
@@ -151,9 +152,11 @@ def sweep(
     from cwmav_sim import run as running
     from cwmav_sim import runners, warm
     from cwmav_sim import sweep as sweeping
+    from cwmav_sim.devices import check_device
     from cwmav_sim.store import ResultStore
 
-    running.check_device(device)
+    if not cluster:  # whose workers look for themselves
+        check_device(device)
     base = cases.with_overrides(cases.preset(preset), assignments or [])
     points = sweeping.cases_of(base, sweeping.read_points(table))
     states = out.resolve() / "states" if start_nearest else None
@@ -287,13 +290,22 @@ def verify(
 
 @cli.command()
 def bench(
-    particles: Annotated[int, typer.Option(min=1000, help="Number of particles, about.")] = 100_000,
+    particles: Annotated[
+        int | None, typer.Option(min=1000, help="Number of particles, about; 100000, on a card 2100000.")
+    ] = None,
+    device: Device = "cpu",
     json: Json = False,
 ) -> None:
     """Measure the speed of the solver on this machine."""
-    from cwmav_sim.benchmark import measure
+    from cwmav_sim import benchmark
+    from cwmav_sim.devices import check_device
 
-    figures = measure(particles)
+    check_device(device)
+    figures: benchmark.Figures | benchmark.CardFigures
+    if device == "cuda":
+        figures = benchmark.measure_card(particles or 2_100_000)
+    else:
+        figures = benchmark.measure(particles or 100_000)
     emit(figures.to_json(), json, figures.lines())
 
 
@@ -374,7 +386,8 @@ def _detail_lines(details: Mapping[str, Any]) -> list[str]:
         seconds = cost["phases_s"]
         total = sum(seconds.values()) or 1.0
         phases = ", ".join(f"{name} {100 * s / total:.0f} %" for name, s in seconds.items())
-        lines.append(f"cost    {cost['pair_interactions_per_s']:.3g} pairs/s; {phases}")
+        where = f" on {cost['card']}" if "card" in cost else ""
+        lines.append(f"cost    {cost['pair_interactions_per_s']:.3g} pairs/s{where}; {phases}")
     return lines
 
 

@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_common.errors import CancelledError, InputError, WorkError
+from cwmav_common.errors import CancelledError, WorkError
 from cwmav_common.settings import to_mapping
 from cwmav_sim.balance import Ledger, WingInertia, cost, mean_parts
 from cwmav_sim.case import Case, check_inside
 from cwmav_sim.checkpoint import Checkpoint
 from cwmav_sim.coupling import CoupledWings
+from cwmav_sim.devices import AirSolver, card_name, check_device, make_solver
 from cwmav_sim.export import write_run
 from cwmav_sim.gauges import History, Recorder, cycle_mean, is_periodic, phase_bins
 from cwmav_sim.result import LiftResult, Provenance, describe_point
-from cwmav_sim.solver import Solver, StepInfo
+from cwmav_sim.solver import StepInfo
 from cwmav_sim.warm import EndState, fill
 from cwmav_sim.wing.sheet import FloatArray
 
@@ -65,7 +66,7 @@ class Progress:
 
 
 OnProgress = Callable[[Progress], None]
-Observer = Callable[[Solver], None]
+Observer = Callable[[AirSolver], None]
 
 
 def simulate(
@@ -99,7 +100,7 @@ def simulate(
     observers : sequence of callables
         Called with the solver after every step, for snapshots and pictures.
     device : {"cpu", "cuda"}
-        Where to compute.
+        Where to compute; the content address does not depend on it, the result says it.
     start : EndState, optional
         The air that the run ``case.run.start_from`` left; see :func:`cwmav_sim.warm.started`.
     keep_state : Path, optional
@@ -120,7 +121,7 @@ def simulate(
     check_device(device)
     for line in header(case):
         logger.info(line)
-    work = _Work(case, on_progress, cancelled)
+    work = _Work(case, device, on_progress, cancelled)
     checkpoint = None if out is None else Checkpoint(Path(out), case.address())
     saved = checkpoint.read() if resume and checkpoint is not None else None
     work.begin(saved, start)
@@ -146,10 +147,16 @@ class _Work:
     """A run in progress: air, wings, what is recorded of them, and who watches."""
 
     def __init__(
-        self, case: Case, on_progress: OnProgress | None, cancelled: Callable[[], bool] | None
+        self,
+        case: Case,
+        device: str,
+        on_progress: OnProgress | None,
+        cancelled: Callable[[], bool] | None,
     ) -> None:
         self.case, self.motion = case, case.motion()
-        self.solver = Solver(case.flow, self.motion, case.airspeed, highest_speed=case.highest_speed())
+        self.solver = make_solver(
+            device, case.flow, self.motion, case.airspeed, highest_speed=case.highest_speed()
+        )
         self.recorder = Recorder(len(self.motion.panel_names), case.copies)
         self.watch = _Watch(case, on_progress, cancelled)
         self.inertia = WingInertia(case, self.motion)
@@ -212,20 +219,6 @@ class _Work:
         self.inertia.restore(parts["inertia"])
         self.ledger.restore(parts["ledger"])
         self._mark = int(parts["mark"]["number"])
-
-
-def check_device(device: str) -> None:
-    """Refuse a device that this program cannot use.
-
-    Raises
-    ------
-    InputError
-        Says what is allowed.
-    """
-    if device == "cuda":
-        raise InputError("device 'cuda': this version computes on the CPU only; allowed: cpu")
-    if device != "cpu":
-        raise InputError(f"device '{device}' is unknown; allowed: cpu")
 
 
 def header(case: Case) -> list[str]:
@@ -351,6 +344,6 @@ def _result(case: Case, work: _Work, device: str) -> LiftResult:
         details={
             "parts": mean_parts(history, case.flapping_frequency, case.run.discard),
             "balance": work.ledger.balance(solver, work.motion, case),
-            "cost": cost(solver, steps, wall),
+            "cost": cost(solver, steps, wall, card_name(device)),
         },
     )

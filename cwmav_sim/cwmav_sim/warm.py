@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from cwmav_common.errors import InputError, WorkError
 from cwmav_common.settings import to_mapping
 from cwmav_sim.case import Case, from_dict
-from cwmav_sim.solver import Solver
+from cwmav_sim.devices import AirSolver
 
 FloatArray = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class EndState:
     pressure: FloatArray
 
     @classmethod
-    def of(cls, case: Case, solver: Solver) -> EndState:
+    def of(cls, case: Case, solver: AirSolver) -> EndState:
         """Take the state of a run that has just ended."""
         pressure = solver.pressure - case.flow.fluid.background_pressure
         return cls(case, case.address(), solver.position.copy(), solver.velocity.copy(), pressure)
@@ -133,7 +133,7 @@ def started(case: Case, start: EndState) -> Case:
     return replace(case, run=replace(case.run, start_from=start.address))
 
 
-def fill(solver: Solver, case: Case, start: EndState | None) -> None:
+def fill(solver: AirSolver, case: Case, start: EndState | None) -> None:
     """Give the air of a state to a solver that stands at the start of a case made by :func:`started`.
 
     Raises

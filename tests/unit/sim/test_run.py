@@ -12,8 +12,10 @@ from PIL import Image
 
 from cwmav_common.errors import CancelledError, InputError, WorkError
 from cwmav_sim import case as cases
+from cwmav_sim import devices
 from cwmav_sim import run as running
 from cwmav_sim.animation import animate, stored_slices
+from cwmav_sim.cuda.device import Card
 from cwmav_sim.export import Snapshots, read_index
 from cwmav_sim.picture import FilmObserver, SliceObserver, draw, wing_cut
 from support.sim_flow import StillFlow
@@ -52,7 +54,7 @@ class FakeFlow(StillFlow):
 
 @pytest.fixture
 def fake_flow(monkeypatch):
-    monkeypatch.setattr(running, "Solver", FakeFlow)
+    monkeypatch.setattr(devices, "Solver", FakeFlow)
 
 
 @pytest.fixture
@@ -95,7 +97,7 @@ def test_run_goes_on_until_periodic_but_not_for_ever(monkeypatch, case):
     class Drifting(FakeFlow):
         lift_of_panel = staticmethod(lambda t: 0.05 + 0.2 * math.exp(-t / PERIOD))
 
-    monkeypatch.setattr(running, "Solver", Drifting)
+    monkeypatch.setattr(devices, "Solver", Drifting)
     patient = cases.with_overrides(case, ["run.cycles_max=12"])
     result = running.simulate(patient)
     assert result.periodic
@@ -127,13 +129,16 @@ def test_undefined_flow_is_a_failure_of_work(monkeypatch, case):
     class Exploding(FakeFlow):
         lift_of_panel = staticmethod(lambda t: 0.1 if t < PERIOD else float("nan"))
 
-    monkeypatch.setattr(running, "Solver", Exploding)
+    monkeypatch.setattr(devices, "Solver", Exploding)
     with pytest.raises(WorkError, match="became undefined at t = 0.0625"):
         running.simulate(case)
 
 
-@pytest.mark.parametrize(("device", "message"), [("cuda", "CPU only"), ("tpu", "'tpu' is unknown")])
-def test_missing_device_is_bad_input(fake_flow, case, device, message):
+@pytest.mark.parametrize(
+    ("device", "message"), [("cuda", "missing: .*; allowed here: cpu"), ("tpu", "'tpu' is unknown")]
+)
+def test_missing_device_is_bad_input(fake_flow, case, monkeypatch, device, message):
+    monkeypatch.setattr("cwmav_sim.cuda.device.find_card", lambda: Card("", "a card"))
     with pytest.raises(InputError, match=message):
         running.simulate(case, device=device)
 

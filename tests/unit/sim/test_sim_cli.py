@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from cwmav_sim import cli
-from cwmav_sim import run as running
+from cwmav_sim import cli, devices
+from cwmav_sim.cuda.device import Card
 from cwmav_sim.verification import catalogue
 from cwmav_sim.verification.protocol import Check
 from support.sim_flow import StillFlow
@@ -25,7 +25,7 @@ class SteadyFlow(StillFlow):
 
 @pytest.fixture(autouse=True)
 def steady_flow(monkeypatch):
-    monkeypatch.setattr(running, "Solver", SteadyFlow)
+    monkeypatch.setattr(devices, "Solver", SteadyFlow)
 
 
 @pytest.fixture
@@ -80,7 +80,12 @@ def test_case_file_is_used(call, tmp_path):
         (["run", "--preset", "fine"], "smoke, coarse, default, paper"),
         (["run", "--set", "flow.resolution.dp=-1"], "dp"),
         (["run", "--set", "nonsense=1"], "nonsense"),
-        (["run", "--device", "cuda"], "CPU only"),
+        (["run", "--device", "cuda"], "allowed here: cpu"),
+        (
+            ["sweep", "absent.csv", "--out", "somewhere", "--device", "cuda"],
+            "missing: a card with its driver",
+        ),
+        (["bench", "--device", "abacus"], "cpu, cuda"),
         (["run", "--case", "absent.yaml"], "absent.yaml"),
         (["run", "--snapshots", "4"], "--out"),
         (["run", "--resume"], "--out"),
@@ -89,7 +94,8 @@ def test_case_file_is_used(call, tmp_path):
         (["run", "--nonsense"], "--nonsense"),
     ],
 )
-def test_bad_input_ends_with_two_and_no_traceback(call, arguments, message):
+def test_bad_input_ends_with_two_and_no_traceback(call, monkeypatch, arguments, message):
+    monkeypatch.setattr("cwmav_sim.cuda.device.find_card", lambda: Card("", "a card with its driver"))
     status, out, err = call(*arguments)
     assert status == 2
     assert message in err
@@ -104,7 +110,7 @@ def test_failing_flow_ends_with_one(call, monkeypatch):
             info.pressure[:] = np.nan
             return info
 
-    monkeypatch.setattr(running, "Solver", Exploding)
+    monkeypatch.setattr(devices, "Solver", Exploding)
     status, out, err = call("run", "--json")
     assert (status, out) == (1, "")
     assert "became undefined" in err
@@ -125,7 +131,7 @@ def test_sweep_lists_results_and_resumes(call, tmp_path):
         def step(self):
             raise AssertionError("a stored case was computed again")
 
-    running.Solver = Never
+    devices.Solver = Never
     status, _, _ = call("sweep", str(table), "--out", str(out_folder), "--json")
     assert status == 0
     assert (out_folder / "sweep.csv").read_text() == first

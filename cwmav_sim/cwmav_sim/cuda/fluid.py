@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fluid sums of all particles: one thread each, over neighbours in cell order.
+
+Neighbours are taken row by row (see ``rows``). A row is looked through in pieces: first the places within the
+support are marked in the bits of an integer, then only these are summed. Threads of a warp work on particles
+of the same row, so they want the same memory and about the same number of pairs. The innermost loops count in
+unsigned integers of 32 bits, which spares them the arithmetic for negative and for long indices.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from cwmav_sim.cuda.cells import (
+    CELL_X,
+    CELL_Y,
+    CELL_Z,
+    COLUMNS,
+    MINUS_TWO,
+    NX,
+    ONE,
+    REACH_Y,
+    SUPPORT2,
+    ZERO,
+    place_of,
+)
+from cwmav_sim.cuda.pair import add_pair, no_sums
+from cwmav_sim.cuda.rows import REACH, extent, row, run
+from cwmav_sim.cuda.visibility import hidden
+from cwmav_sim.sph.forces import DIFFUSION, FOUR_NU, RHO0, SLOPE
+from cwmav_sim.sph.pair import DENSITY, PRESSURE, VOLUME, VX, VY, VZ, X, Y, Z
+
+PIECE = 31  # places whose marks fit into a positive integer of 32 bits
+
+# Places in the equation of state.
+EOS_DENSITY, EOS_STIFFNESS, EOS_GAMMA, EOS_BACKGROUND = range(4)
+
+
+@cuda.jit
+def pack(x, v, rho, key, order, low, cell, integers, eos, mass, fluid, column, cell_of):
+    """Put the particles into cell order, in the precision of the pairs.
+
+    Parameters
+    ----------
+    x, v, rho : array, shape (3, n), (3, n) and (n,)
+        Positions [m], velocities [m/s], densities [kg/m3].
+    key, order : array, shape (n,), int32
+        Cell of every particle, and the particle at every place.
+    low, cell, integers : tuple
+        Of the grid.
+    eos : tuple of 4 float
+        Density at rest, stiffness, exponent and background pressure.
+    mass : float
+        Mass of a particle [kg].
+    fluid : array, shape (9, n)
+        Filled as ``cwmav_sim.sph.pair`` names the rows; positions relative to the centre of the own cell.
+    column, cell_of : array, shape (n,)
+        Filled with the x index and the number of the cell at every place.
+    """
+    j = cuda.grid(1)
+    if j < order.shape[0]:
+        i = order[j]
+        c = key[i]
+        cx, cy, cz = place_of(c, integers)
+        fluid[X, j] = x[0, i] - low[0] - (cx + 0.5) * cell[0]
+        fluid[Y, j] = x[1, i] - low[1] - (cy + 0.5) * cell[1]
+        fluid[Z, j] = x[2, i] - low[2] - (cz + 0.5) * cell[2]
+        fluid[VX, j] = v[0, i]
+        fluid[VY, j] = v[1, i]
+        fluid[VZ, j] = v[2, i]
+        density = rho[i]
+        ratio = density / eos[EOS_DENSITY]
+        fluid[DENSITY, j] = density - eos[EOS_DENSITY]
+        fluid[PRESSURE, j] = eos[EOS_STIFFNESS] * (ratio ** eos[EOS_GAMMA] - 1.0) + eos[EOS_BACKGROUND]
+        fluid[VOLUME, j] = mass / density
+        column[j] = cx
+        cell_of[j] = c
+
+
+def _make_pass(hides: bool) -> Any:
+    """Return the pass over particles that see no wall, or over those listed as near one."""
+
+    @cuda.jit(device=True, fastmath=True)
+    def sum_run(fluid, column, first, last, at, sign, a, sums, reach, k, shifting, signed, inside, panels, i):
+        """Add the places ``first`` .. ``last - 1`` to the sums of the particle at place ``i``.
+
+        ``at`` is its position as seen from the row, and its column; ``sign`` is -1 in a mirror image.
+        """
+        xa, ya, za, column_a = at
+        begin = np.uint32(first)
+        while begin < last:
+            end = np.uint32(min(begin + PIECE, last))
+            marks = np.int32(0)
+            bit = np.int32(1)
+            j = begin
+            while j < end:
+                dx = xa - fluid[X, j] + (column_a - column[j]) * reach[CELL_X]
+                dy = ya - sign * fluid[Y, j]
+                dz = za - fluid[Z, j]
+                if dx * dx + dy * dy + dz * dz < reach[SUPPORT2]:
+                    marks = np.int32(marks | bit)
+                bit = np.int32(bit << 1)
+                j = np.uint32(j + 1)
+            while marks != 0:
+                j = np.uint32(begin + cuda.ffs(marks) - 1)
+                marks = np.int32(marks & (marks - 1))
+                dx = xa - fluid[X, j] + (column_a - column[j]) * reach[CELL_X]
+                dy = ya - sign * fluid[Y, j]
+                dz = za - fluid[Z, j]
+                volume = fluid[VOLUME, j]
+                if hides and hidden(signed, inside, i, signed, inside, j, sign < reach[ZERO], panels):
+                    volume = reach[ZERO]
+                apart = (dx, dy, dz, dx * dx + dy * dy + dz * dz)
+                b = (
+                    fluid[VX, j],
+                    sign * fluid[VY, j],
+                    fluid[VZ, j],
+                    fluid[DENSITY, j],
+                    fluid[PRESSURE, j],
+                    volume,
+                )
+                sums = add_pair(sums, apart, a, b, k, shifting)
+            begin = end
+        return sums
+
+    @cuda.jit(fastmath=True)
+    def fluid_pass(
+        fluid,
+        column,
+        cell_of,
+        start,
+        order,
+        near,
+        listed,
+        signed,
+        inside,
+        panels,
+        integers,
+        reach,
+        k,
+        scale,
+        gravity,
+        shifting,
+        keep_diffusion,
+        acceleration,
+        density_rate,
+        shift,
+    ):
+        t = cuda.grid(1)
+        if t >= fluid.shape[1]:
+            return
+        i = t
+        if hides:
+            if t >= near[near.shape[0] - 1]:
+                return
+            i = listed[t]
+        elif near[cell_of[i] + 1] > near[cell_of[i]]:
+            return
+        cx, cy, cz = place_of(cell_of[i], integers)
+        nx, reach_y = integers[NX], integers[REACH_Y]
+        x, y, z = fluid[X, i], fluid[Y, i], fluid[Z, i]
+        a = (fluid[VX, i], fluid[VY, i], fluid[VZ, i], fluid[DENSITY, i], fluid[PRESSURE, i])
+        one = reach[ONE]
+        sums = no_sums(k)
+        shift_z = reach[MINUS_TWO]
+        dz = np.int32(-REACH)
+        while dz <= REACH:
+            shift_y = reach[MINUS_TWO] if reach_y > 0 else reach[ZERO]
+            dy = np.int32(-reach_y)
+            while dy <= reach_y:
+                low, high = extent(reach, x, y, z, shift_y, shift_z)
+                if low <= high:
+                    base, side = row(integers, cy, cz, dy, dz)
+                    sign = one if side > 0 else -one
+                    column_a = column[i] + reach[COLUMNS]
+                    lap = np.int32(-1)
+                    while lap < 2:
+                        first, last = run(start, base, nx, cx + low, cx + high, lap)
+                        at = (x, y - shift_y * reach[CELL_Y], z - shift_z * reach[CELL_Z], column_a)
+                        sums = sum_run(
+                            fluid,
+                            column,
+                            first,
+                            last,
+                            at,
+                            sign,
+                            a,
+                            sums,
+                            reach,
+                            k,
+                            shifting,
+                            signed,
+                            inside,
+                            panels,
+                            i,
+                        )
+                        column_a -= reach[COLUMNS]
+                        lap = np.int32(lap + 1)
+                shift_y += one
+                dy = np.int32(dy + 1)
+            shift_z += one
+            dz = np.int32(dz + 1)
+        place = order[i]
+        rho = scale[RHO0] + fluid[DENSITY, i]
+        slope = scale[SLOPE]
+        acceleration[0, place] = slope * (scale[FOUR_NU] * sums[5] - sums[2] / rho)
+        acceleration[1, place] = slope * (scale[FOUR_NU] * sums[6] - sums[3] / rho)
+        acceleration[2, place] = slope * (scale[FOUR_NU] * sums[7] - sums[4] / rho) + gravity
+        diffusion = scale[DIFFUSION] if keep_diffusion or not hides else 0.0
+        density_rate[place] = slope * (rho * sums[0] - diffusion * sums[1])
+        if shifting:
+            shift[0, place] = slope * sums[8]
+            shift[1, place] = slope * sums[9]
+            shift[2, place] = slope * sums[10]
+
+    return fluid_pass
+
+
+open_pass = _make_pass(hides=False)
+near_pass = _make_pass(hides=True)

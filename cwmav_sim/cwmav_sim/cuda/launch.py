@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starting kernels and keeping arrays on the card."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import config, cuda
+from numpy.typing import DTypeLike, NDArray
+
+# Threads of a block; sums over blocks, and so the last bits of results, depend on it. The simulator starts a
+# thread of the operating system for each.
+THREADS = 16 if config.ENABLE_CUDASIM else 128
+
+CardArray = Any  # an array in the memory of the card
+
+
+def blocks(count: int) -> int:
+    """Return the number of blocks that give each of ``count`` items a thread."""
+    return max(1, -(-count // THREADS))
+
+
+def launch(kernel: Any, count: int, *args: Any) -> None:
+    """Run a kernel with a thread for each of ``count`` items; the card works on while the caller goes on."""
+    kernel[blocks(count), THREADS](*args)
+
+
+def empty(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> CardArray:
+    """Return an array on the card with undefined content."""
+    return cuda.device_array(shape, np.dtype(dtype))
+
+
+def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> CardArray:
+    """Return an array of zeros on the card."""
+    return upload(np.zeros(shape, dtype))
+
+
+def upload(values: NDArray) -> CardArray:
+    """Return a copy of an array on the card."""
+    return cuda.to_device(np.ascontiguousarray(values))
+
+
+class Post:
+    """Sends small arrays to the card without waiting for it.
+
+    Two buffers that the card can read by itself take turns; whoever sends must have waited for the card
+    between the first and the third time.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of the arrays.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self._buffers = [cuda.pinned_array(shape, np.float64) for _ in range(2)]
+
+    def send(self, values: NDArray[np.float64], target: CardArray) -> None:
+        """Copy ``values`` to an array on the card."""
+        self._buffers.reverse()
+        self._buffers[0][...] = values
+        target.copy_to_device(self._buffers[0], stream=cuda.default_stream())
+
+
+def clear(array: CardArray) -> None:
+    """Set all of an array on the card to zero."""
+    flat = array.ravel()
+    launch(_clear, flat.shape[0], flat)
+
+
+@cuda.jit
+def _clear(values):
+    i = cuda.grid(1)
+    if i < values.shape[0]:
+        values[i] = 0

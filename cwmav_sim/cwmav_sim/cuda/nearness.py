@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which particles have walls around them, and how they and the elements lie to every wall."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import cuda
+
+from cwmav_sim.cuda.cells import (
+    CELL_X,
+    CELL_Y,
+    CELL_Z,
+    COLUMNS,
+    MINUS_TWO,
+    NX,
+    ONE,
+    REACH_Y,
+    ZERO,
+    CardGrid,
+    CellSort,
+    place_of,
+)
+from cwmav_sim.cuda.elements import CardElements
+from cwmav_sim.cuda.launch import CardArray, clear, empty, launch, zeros
+from cwmav_sim.cuda.rows import REACH, row, run
+from cwmav_sim.cuda.scan import Scan
+
+OWN_ROWS = 5  # signed distance, distance inside the outline, normal
+
+
+class Nearness:
+    """The particles near walls, and the sides of particles and elements.
+
+    Parameters
+    ----------
+    count, elements : int
+        Number of particles and of elements.
+    panels : int
+        Number of walls.
+    grid : CardGrid
+        Cells.
+    dtype : numpy.dtype
+        Precision of the pairs.
+
+    Attributes
+    ----------
+    before : array, shape (cells + 1,), int32
+        Particles near walls in the cells before each; the last is their number.
+    listed : array, shape (n,), int32
+        Their places.
+    signed, inside : array, shape (channels, n)
+        Distances of the particles in cell order [m]; channels beyond the panels are mirror images.
+    element_signed, element_inside : array, shape (channels, m)
+        The same of the elements.
+    """
+
+    def __init__(self, count: int, elements: int, panels: int, grid: CardGrid, dtype: np.dtype) -> None:
+        channels = panels * (2 if grid.integers[3] else 1)
+        self._grid = grid
+        self.before = zeros(grid.cells + 1, np.int32)
+        self.listed = empty(count if panels else 1, np.int32)
+        self.signed, self.inside = (zeros((channels, count if panels else 1), dtype) for _ in range(2))
+        self.element_signed, self.element_inside = (zeros((channels, elements), dtype) for _ in range(2))
+        self._marks = empty(grid.cells, np.int32)
+        self._scan = Scan(grid.cells)
+
+    def find(
+        self,
+        fluid: CardArray,
+        column: CardArray,
+        cell_of: CardArray,
+        sort: CellSort,
+        walls: CardElements,
+        own: CardArray,
+    ) -> None:
+        """Fill everything in for particles in cell order and placed elements.
+
+        ``own``, shape (panels, 5, n), receives the sides of the particles to the walls themselves under
+        their numbers.
+        """
+        grid = self._grid
+        clear(self._marks)
+        launch(_mark, walls.count, walls.cell_of, grid.integers, self._marks)
+        launch(_count_near, grid.cells, sort.start, self._marks)
+        self._scan(self._marks, self.before)
+        launch(_list_near, grid.cells, sort.start, self.before, self.listed)
+        for array in (self.signed, self.inside, own):
+            clear(array)
+        search = (
+            walls.probes,
+            walls.probe_column,
+            walls.probe_sort.start,
+            grid.integers,
+            grid.reach,
+            grid.cells,
+        )
+        launch(
+            _locate_particles,
+            fluid.shape[1],
+            fluid,
+            column,
+            cell_of,
+            sort.order,
+            self.before,
+            self.listed,
+            *search,
+            self.signed,
+            self.inside,
+            own,
+        )
+        launch(
+            _locate_elements,
+            walls.count,
+            walls.rows,
+            walls.column,
+            walls.cell_of,
+            walls.panel,
+            walls.panels,
+            *search,
+            self.element_signed,
+            self.element_inside,
+        )
+
+
+@cuda.jit
+def _mark(cell_of, integers, marks):
+    """Mark the cells within reach of every element; all write the same value."""
+    e = cuda.grid(1)
+    if e >= cell_of.shape[0]:
+        return
+    cx, cy, cz = place_of(cell_of[e], integers)
+    nx, reach_y = integers[NX], integers[REACH_Y]
+    for dz in range(-REACH, REACH + 1):
+        for dy in range(-reach_y, reach_y + 1):
+            base, _ = row(integers, cy, cz, dy, dz)
+            for dx in range(-REACH, REACH + 1):
+                marks[base + (cx + dx + nx) % nx] = 1
+
+
+@cuda.jit
+def _count_near(start, marks):
+    c = cuda.grid(1)
+    if c < marks.shape[0]:
+        marks[c] = start[c + 1] - start[c] if marks[c] > 0 else 0
+
+
+@cuda.jit
+def _list_near(start, before, listed):
+    c = cuda.grid(1)
+    if c + 1 < start.shape[0]:
+        for q in range(before[c + 1] - before[c]):
+            listed[before[c] + q] = start[c] + q
+
+
+@cuda.jit(device=True, fastmath=True)
+def _nearest(x, y, z, column_a, place, base_cell, image, probes, probe_column, start, integers, reach):
+    """Return the vector from the nearest probe around a point, its place or -1, and its sign.
+
+    ``image`` 1 takes the probes themselves, -1 their mirror images.
+    """
+    cx, cy, cz = place
+    nx, reach_y = integers[NX], integers[REACH_Y]
+    zero, one = reach[ZERO], reach[ONE]
+    best_x = best_y = best_z = best_sign = zero
+    best = reach[CELL_X] * reach[COLUMNS] * reach[COLUMNS] + one
+    found = -1
+    shift_z = reach[MINUS_TWO]
+    for dz in range(-REACH, REACH + 1):
+        shift_y = reach[MINUS_TWO] if reach_y > 0 else zero
+        for dy in range(-reach_y, reach_y + 1):
+            base, side = row(integers, cy, cz, dy, dz)
+            if side == image:
+                sign = one if side > 0 else -one
+                column = column_a + reach[COLUMNS]
+                for lap in range(-1, 2):
+                    first, last = run(start, base_cell + base, nx, cx - REACH, cx + REACH, lap)
+                    for j in range(first, last):
+                        dx = x - probes[0, j] + (column - probe_column[j]) * reach[CELL_X]
+                        dy_ = y - shift_y * reach[CELL_Y] - sign * probes[1, j]
+                        dz_ = z - shift_z * reach[CELL_Z] - probes[2, j]
+                        r2 = dx * dx + dy_ * dy_ + dz_ * dz_
+                        if r2 < best:
+                            best, best_x, best_y, best_z, best_sign, found = r2, dx, dy_, dz_, sign, j
+                    column -= reach[COLUMNS]
+            shift_y += one
+        shift_z += one
+    return best_x, best_y, best_z, found, best_sign
+
+
+@cuda.jit(device=True, fastmath=True)
+def _distances(dx, dy, dz, j, sign, probes):
+    """Return the distances from the wall and inside its outline, and the normal, by the probe at place j."""
+    nx, ny, nz = probes[3, j], sign * probes[4, j], probes[5, j]
+    signed = dx * nx + dy * ny + dz * nz
+    inside = probes[9, j] + dx * probes[6, j] + dy * sign * probes[7, j] + dz * probes[8, j]
+    return signed, inside, nx, ny, nz
+
+
+@cuda.jit(fastmath=True)
+def _locate_particles(
+    fluid,
+    column,
+    cell_of,
+    order,
+    before,
+    listed,
+    probes,
+    probe_column,
+    start,
+    integers,
+    reach,
+    cells,
+    signed,
+    inside,
+    own,
+):
+    t = cuda.grid(1)
+    if t >= before[before.shape[0] - 1]:
+        return
+    i = listed[t]
+    place = place_of(cell_of[i], integers)
+    panels = own.shape[0]
+    for c in range(signed.shape[0]):
+        panel = c if c < panels else c - panels
+        image = 1 if c < panels else -1
+        dx, dy, dz, j, sign = _nearest(
+            fluid[0, i],
+            fluid[1, i],
+            fluid[2, i],
+            column[i],
+            place,
+            panel * cells,
+            image,
+            probes,
+            probe_column,
+            start,
+            integers,
+            reach,
+        )
+        if j >= 0:
+            s, d, nx, ny, nz = _distances(dx, dy, dz, j, sign, probes)
+            signed[c, i] = s
+            inside[c, i] = d
+            if c < panels:
+                number = order[i]
+                own[c, 0, number] = s
+                own[c, 1, number] = d
+                own[c, 2, number] = nx
+                own[c, 3, number] = ny
+                own[c, 4, number] = nz
+
+
+@cuda.jit(fastmath=True)
+def _locate_elements(
+    elements,
+    column,
+    cell_of,
+    of_panel,
+    panels,
+    probes,
+    probe_column,
+    start,
+    integers,
+    reach,
+    cells,
+    signed,
+    inside,
+):
+    e = cuda.grid(1)
+    if e >= cell_of.shape[0]:
+        return
+    place = place_of(cell_of[e], integers)
+    for c in range(signed.shape[0]):
+        signed[c, e] = 0.0
+        inside[c, e] = 0.0
+        if c == of_panel[e]:
+            continue
+        panel = c if c < panels else c - panels
+        image = 1 if c < panels else -1
+        dx, dy, dz, j, sign = _nearest(
+            elements[0, e],
+            elements[1, e],
+            elements[2, e],
+            column[e],
+            place,
+            panel * cells,
+            image,
+            probes,
+            probe_column,
+            start,
+            integers,
+            reach,
+        )
+        if j >= 0:
+            signed[c, e], inside[c, e], _, _, _ = _distances(dx, dy, dz, j, sign, probes)

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which points lie around a point: rows of cells along x, each one run of memory.
+
+A row is cut to the cells that the support of the point really meets, and again where it goes around a
+periodic face.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import cuda
+
+from cwmav_sim.cuda.cells import (
+    CELL_Y,
+    CELL_Z,
+    HALF,
+    MIRRORED,
+    NX,
+    NY,
+    NZ,
+    PER_CELL_X,
+    SUPPORT2,
+    ZERO,
+)
+
+REACH = 2  # cells on either side that hold the support
+
+
+@cuda.jit(device=True)
+def row(integers, cy, cz, dy, dz):
+    """Return the number of the first cell of a row, and -1 if the row is a mirror image, otherwise 1."""
+    nx, ny, nz = integers[NX], integers[NY], integers[NZ]
+    sign = 1
+    ky = cy + dy
+    if integers[MIRRORED] != 0:
+        if ky < 0:
+            ky = -1 - ky
+            sign = -1
+        elif ky >= ny:
+            ky = 2 * ny - 1 - ky
+            sign = -1
+    elif ky < 0:
+        ky += ny
+    elif ky >= ny:
+        ky -= ny
+    kz = cz + dz
+    if kz < 0:
+        kz += nz
+    elif kz >= nz:
+        kz -= nz
+    return (kz * ny + ky) * nx, sign
+
+
+@cuda.jit(device=True)
+def extent(reach, x, y, z, shift_y, shift_z):
+    """Return the cells that the support meets in a row, as first and last offset along x.
+
+    Parameters
+    ----------
+    reach : tuple
+        Of the grid.
+    x, y, z : float
+        Position relative to the centre of the own cell [m].
+    shift_y, shift_z : float
+        How many cells the row lies away.
+
+    Returns
+    -------
+    tuple of int
+        First offset above the last where the row is out of reach.
+    """
+    half, zero = reach[HALF], reach[ZERO]
+    gap_y = max(abs(shift_y * reach[CELL_Y] - y) - half * reach[CELL_Y], zero)
+    gap_z = max(abs(shift_z * reach[CELL_Z] - z) - half * reach[CELL_Z], zero)
+    rest = reach[SUPPORT2] - gap_y * gap_y - gap_z * gap_z
+    if rest <= zero:
+        return 1, 0
+    width = math.sqrt(rest)
+    first = np.int32(math.floor((x - width) * reach[PER_CELL_X] + half))
+    last = np.int32(math.floor((x + width) * reach[PER_CELL_X] + half))
+    return max(first, -REACH), min(last, REACH)
+
+
+@cuda.jit(device=True)
+def run(start, base, nx, low, high, lap):
+    """Return the places, first and one after the last, of the cells ``low``..``high`` of a row within a lap.
+
+    Lap 0 is the box itself, -1 and 1 are its periodic images below and above.
+    """
+    first = max(low, lap * nx)
+    last = min(high, lap * nx + nx - 1)
+    if first > last:
+        return 0, 0
+    return start[base + first - lap * nx], start[base + last - lap * nx + 1]
