@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kriging beside its peers: error on Branin and Hartmann 3, time to fit, time to predict mean and MSE.
 
-The error is asserted, times are only reported. Peers that are not installed
+The bars are asserted: error within 1.1 of the best, fit 20 times faster than SMT and no slower than
+OpenTURNS, prediction no slower than scikit-learn. Every time is the best of two. Peers that are not installed
 are left out; scikit-learn always takes part.
 """
 
@@ -112,7 +113,7 @@ def peers():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize(("function", "d"), [(branin, 2), (hartmann3, 3)])
-def test_error_is_within_a_tenth_of_the_best_peer(benchmarks, function, d, seed):
+def test_error_and_cost_beside_the_peers(benchmarks, function, d, seed):
     X = latin_hypercube(100, np.zeros(d), np.ones(d), np.random.default_rng(seed))
     new = np.random.default_rng(99).random((NEW, d))
     y, truth = function(X), function(new)
@@ -120,8 +121,9 @@ def test_error_is_within_a_tenth_of_the_best_peer(benchmarks, function, d, seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name, run in {"cwmav": ours, **peers()}.items():
-            mean, fit, predict = run(X, y, new)
-            rows[name] = (np.sqrt(np.mean((mean - truth) ** 2)) / truth.std(), fit, predict)
+            runs = [run(X, y, new) for _ in range(2)]
+            error = np.sqrt(np.mean((runs[0][0] - truth) ** 2)) / truth.std()
+            rows[name] = (error, min(r[1] for r in runs), min(r[2] for r in runs))
     mine = rows.pop("cwmav")
     if seed == 0:
         for name, theirs in rows.items():
@@ -133,6 +135,13 @@ def test_error_is_within_a_tenth_of_the_best_peer(benchmarks, function, d, seed)
                 label = f"Kriging of {function.__name__}, 100 samples: {what}"
                 benchmarks.cost(label, mine[k], unit, theirs[k], name)
     assert mine[0] <= 1.1 * min(rmse for rmse, _, _ in rows.values())
+    for name, (_, fit, predict) in rows.items():
+        if name.startswith("SMT"):
+            assert 20.0 * mine[1] <= fit, name
+        if name.startswith("OpenTURNS"):
+            assert mine[1] <= fit, name
+        if name == "scikit-learn":
+            assert mine[2] <= predict
 
 
 @pytest.mark.parametrize(("samples", "d"), [(50, 3), (200, 3), (400, 3), (100, 6), (100, 10)])

@@ -15,6 +15,7 @@ a vehicle, and is used for nothing but the comparison with Tables 5 to 7.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import Future
 from functools import cache
 
@@ -51,6 +52,22 @@ def lift(point: Array, curvature: Array | None = None) -> Array:
     r = ratio(point, curvature)
     fixed = law_power(np.zeros(len(point)), point)
     return np.asarray(r * fixed / (1.0 - 0.202 * r * point[:, 0]))
+
+
+def reach(loss: float, variables: Sequence[int]) -> Array:
+    """Farthest way from the maximum, in each of these variables, that costs a share `loss` of the ratio.
+
+    Parameters
+    ----------
+    loss : between 0 and 1
+    variables : of F, AoA, U by number; the others are held at the maximum
+
+    Returns
+    -------
+    (k,) array in Hz, deg, m/s
+    """
+    H = _hessian(_curvatures())[np.ix_(variables, variables)]
+    return np.sqrt(-2.0 * np.log1p(-loss) * np.diag(np.linalg.inv(H)))
 
 
 class PaperSurface:

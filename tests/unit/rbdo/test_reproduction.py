@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from cwmav_common.errors import InputError
-from cwmav_rbdo.reproduction import report, surface
+from cwmav_rbdo.reproduction import report, study_tables, surface
 from cwmav_rbdo.reproduction.lift_tables import read_cases, reproduce_table1, reproduce_table3
 from cwmav_rbdo.reproduction.study_tables import reproduce_history
 from cwmav_rbdo.reproduction.tables import NAMES, paper_table
@@ -26,6 +28,28 @@ def test_surface_has_both_printed_optima_with_their_values():
     best = plane[np.argmax(surface.ratio(plane))]
     assert np.all(np.abs(best - surface.OPTIMUM_2) <= [0.2, 0.5, 0.0])
     assert surface.ratio(plane).max() <= 0.1301 + 1e-12
+
+
+def test_reach_is_how_far_a_loss_allows():
+    box = surface.reach(0.02, [0, 1, 2])
+    rng = np.random.default_rng(0)
+    away = rng.uniform(-1.2, 1.2, (200_000, 3)) * box
+    near = away[surface.ratio(surface.OPTIMUM_3 + away) >= 0.98 * 0.1414]
+    assert np.abs(near).max(axis=0) == pytest.approx(box, rel=0.05)
+    assert np.all(surface.reach(0.02, [0, 1]) <= box[:2])
+
+
+def test_an_optimum_off_the_lattice_says_why():
+    problem = study_tables._problem("three_variables")
+    printed = paper_table(NAMES["table6"])[-1]
+    far = SimpleNamespace(design={"F": 10.0853, "AoA": 15.4071, "U": 4.3907}, objective=0.14137)
+    (text,) = study_tables._why_not(problem, far, printed)
+    assert "(F by -2.0, AoA by -3.0, U by +2.7 steps)" in text
+    assert "0.14055 N/W on the surface, 0.60 % below its maximum, and predicted as 0.14137" in text
+    assert "an error of 2 %" in text
+    assert "9 in F, 7 in AoA, 7 in U" in text
+    near = SimpleNamespace(design={"F": 10.5, "AoA": 18.0, "U": 4.15}, objective=0.1414)
+    assert study_tables._why_not(problem, near, printed) == []
 
 
 def test_lift_and_power_of_the_surface_make_its_ratio():
