@@ -87,7 +87,7 @@ def judge(rows: Sequence[Row], settings: CriteriaSettings, strict: bool = False)
     """Judge the last iteration.
 
     `strict` asks, beside the paper's criteria, that the surrogate's own error cannot overturn the reliability
-    and that no better design is to be expected elsewhere.
+    and that twice running no better design was to be expected elsewhere.
 
     CC1 asks for the error of this and the previous iteration, so nothing converges before the second. An
     iteration whose optimum could not be evaluated has a NaN response and never satisfies CC1.
@@ -109,5 +109,5 @@ def _hold(rows: Sequence[Row], settings: CriteriaSettings, strict: bool) -> Verd
     now, before = rows[-1], rows[-2]
     cc1 = all(relative_error(row.prediction, row.response) <= settings.c1 for row in (now, before))
     cc2 = relative_change(now.prediction, before.prediction) <= settings.c2
-    sure = not strict or (now.certain and not now.promise > settings.promise)
+    sure = not strict or (now.certain and not any(row.promise > settings.promise for row in (now, before)))
     return Verdict(cc1, cc2, feasible, cc1 and cc2 and feasible and sure)

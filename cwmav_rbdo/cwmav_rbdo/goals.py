@@ -19,17 +19,18 @@ from scipy.special import ndtri
 
 from cwmav_common.errors import InputError
 from cwmav_rbdo.control_scatter import ControlScatter
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.lift_to_power import LiftToPower, RatioSurrogate
 from cwmav_rbdo.ratio_margin import LiftMargin, RatioMargin
 from cwmav_rbdo.wing_problem import WingProblem
 
 Array = NDArray[np.float64]
-Surface = LiftToPower | DirectRatio
+Surface = RatioSurrogate
 Function = Callable[[Array], Array]
 
-_ROOT_STEPS = 18  # of the search for a percentile; each halves the interval or better
-_NODES = 7  # Gauss-Hermite nodes across the lines of a percentile
-_ANGLES = 24  # directions of a percentile where the lines disagree
+_ROOT_STEPS = 30  # of the search for a percentile at most; about eight are needed
+_ROOT_SURE = 1e-6  # error of a reliability index that ends it
+_NODES = 9  # Gauss-Hermite nodes across the lines of a percentile
+_ANGLES = 48  # directions of a percentile where the lines disagree
 _REACH = 4.0  # standard deviations to first order within which a percentile is sought at first
 _GROWTHS = 12  # doublings of that
 
@@ -211,19 +212,39 @@ def percentile(surface: Surface, X: Array, scatter: ControlScatter, level: float
     first = scatter.spread(surface.gradient(X), X)
     # At a flat top the first order is nothing; the interval then grows until it holds the percentile.
     spread = np.maximum(first, 1e-3 * np.maximum(np.abs(mean), 1e-9))
-    low, high = mean - _REACH * spread, mean + 3.0 * spread
     target = -float(ndtri(level))
+    low, high = mean - _REACH * spread, mean + 3.0 * spread
+    above, below = beta(low) - target, beta(high) - target
     for growth in range(_GROWTHS):
-        short = beta(low) < target
+        short = above < 0.0
         if not np.any(short):
             break
-        high = np.where(short, low, high)
+        high, below = np.where(short, low, high), np.where(short, above, below)
         low = np.where(short, low - 2.0 ** (growth + 1) * _REACH * spread, low)
-    for _ in range(_ROOT_STEPS):
-        middle = 0.5 * (low + high)
-        holds = beta(middle) >= target
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
-    return np.asarray(0.5 * (low + high))
+        above = np.where(short, beta(low) - target, above)
+    return _falling_root(lambda t: beta(t) - target, low, high, above, below)
+
+
+def _falling_root(f: Function, low: Array, high: Array, above: Array, below: Array) -> Array:
+    """Roots of falling functions in brackets, by the Illinois variant of the false position; (n,).
+
+    Where an end of the bracket is no bracket, the root is that end. Every third step halves the bracket.
+    """
+    t, was_above = 0.5 * (low + high), np.zeros(len(low), dtype=bool)
+    for step in range(_ROOT_STEPS):
+        slope = above - below
+        share = np.where(slope > 0.0, above / np.where(slope > 0.0, slope, 1.0), 0.5)
+        t = low + (0.5 if step % 3 == 2 else np.clip(share, 0.0, 1.0)) * (high - low)
+        value = f(t)
+        if np.all((np.abs(value) < _ROOT_SURE) | (high - low < 1e-9 * np.abs(t))):
+            break
+        is_above = value >= 0.0
+        # An end that stays a second time has its value halved, or the bracket would close from one side only.
+        stays = (is_above == was_above) & (step > 0)
+        below = np.where(is_above, np.where(stays, 0.5 * below, below), value)
+        above = np.where(is_above, value, np.where(stays, 0.5 * above, above))
+        low, high, was_above = np.where(is_above, t, low), np.where(is_above, high, t), is_above
+    return t
 
 
 def _parts(surface: Surface) -> LiftToPower:

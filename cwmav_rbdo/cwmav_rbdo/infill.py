@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -19,11 +19,11 @@ from scipy.special import ndtr, ndtri
 
 from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.goals import goal_of
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.lift_to_power import RatioSurrogate
 from cwmav_rbdo.optimum import Optimum, first_order_spread
 from cwmav_rbdo.plugins import resolve
 from cwmav_rbdo.samples import Samples
-from cwmav_rbdo.swarm import PyswarmsSwarm
+from cwmav_rbdo.swarm import swarm_of
 from cwmav_rbdo.window import Window
 from cwmav_rbdo.wing_problem import WingProblem
 
@@ -43,7 +43,7 @@ _SAME = 1e-4
 class State:
     """What an infill rule may look at; the surface already knows the evaluation at the optimum."""
 
-    surface: LiftToPower | DirectRatio
+    surface: RatioSurrogate
     problem: WingProblem
     scatter: ControlScatter
     optimum: Optimum
@@ -52,6 +52,8 @@ class State:
     rng: np.random.Generator
     count: int
     """Points that can be evaluated at the same time; a rule may propose more or fewer."""
+    iteration: int = 0
+    """Rounds before this one."""
 
 
 @dataclass(frozen=True)
@@ -109,21 +111,27 @@ def classical(state: State) -> list[Candidate]:
 
 
 def default(state: State) -> list[Candidate]:
-    """In turn: largest expected improvement in the space, and largest error where the scatter will be.
+    """In turn: largest error where the scatter will be, and largest expected improvement in the space.
 
     The point of largest error nearly always lies in a corner of the space, where the ratio is far from its
     best and a sample says nothing about the optimum. Expected improvement looks far away too, but only where
     the optimum could be (Jones, Schonlau and Welch 1998, J. Global Optim. 13:455). Near the optimum the error
     counts by the density of the scatter there, blurred by the window, which says how far the optimum may
-    still move. Every point is chosen as if the ones before had been answered as predicted.
+    still move. Every point of a round is chosen as if the ones before had been answered as predicted; where
+    points are evaluated one by one, a round has one, because the next is chosen better when it is answered.
     """
-    surface = deepcopy(state.surface)
+    surface, promise = deepcopy(state.surface), _promising(state, state.surface).promise
     found: list[Candidate] = []
-    for k in range(max(state.count, 2)):
-        candidate = _promising(state, surface) if k % 2 == 0 else _under_scatter(state, surface)
+    for k in range(state.count):
+        turns = [_under_scatter, _promising]
+        if (state.iteration * state.count + k) % 2:
+            turns.reverse()
+        candidate = turns[0](state, surface)
+        if state.samples.hold(candidate.x):
+            candidate = turns[1](state, surface)
         found.append(candidate)
-        _believe(surface, candidate.x)
-    return found
+        surface.believe(candidate.x[None])
+    return [replace(candidate, promise=promise) for candidate in found]
 
 
 RULES: Mapping[str, Rule] = {"zhang2026": zhang2026, "classical": classical, "default": default}
@@ -139,18 +147,18 @@ def expected_improvement(mean: Array, std: Array, best: float) -> Array:
 
 
 def largest_mse(
-    surface: LiftToPower | DirectRatio,
+    surface: RatioSurrogate,
     problem: WingProblem,
     lower: Array,
     upper: Array,
     rng: np.random.Generator,
 ) -> tuple[Array, float]:
     """Point (d,) of the largest Kriging mean square error (Eq. 20) in a box, and that error."""
-    found = PyswarmsSwarm(problem.swarm).minimise(lambda X: -surface.mse(X), lower, upper, rng)
+    found = swarm_of(problem.optimiser, problem.swarm).minimise(lambda X: -surface.mse(X), lower, upper, rng)
     return found.x, -found.f
 
 
-def _promising(state: State, surface: LiftToPower | DirectRatio) -> Candidate:
+def _promising(state: State, surface: RatioSurrogate) -> Candidate:
     problem, goal = state.problem, goal_of(state.problem)
     best = float(goal.predict(surface, state.optimum.x[None])[0][0])
     held = goal.margin(surface, 0.0)
@@ -164,11 +172,13 @@ def _promising(state: State, surface: LiftToPower | DirectRatio) -> Candidate:
             gain = gain * ndtr((margin - needed) / np.maximum(margin - low, 1e-12))
         return np.asarray(-gain)
 
-    found = PyswarmsSwarm(problem.swarm).minimise(worse, problem.lower, problem.upper, state.rng)
+    found = swarm_of(problem.optimiser, problem.swarm).minimise(
+        worse, problem.lower, problem.upper, state.rng
+    )
     return Candidate(found.x, "largest expected improvement", -found.f / max(abs(best), 1e-12))
 
 
-def _under_scatter(state: State, surface: LiftToPower | DirectRatio) -> Candidate:
+def _under_scatter(state: State, surface: RatioSurrogate) -> Candidate:
     window, centre = state.window, state.optimum.x
     std = state.scatter(centre[None])[0]
     reach = np.sqrt(std**2 + ((window.upper - window.lower) / 6.0) ** 2)
@@ -177,15 +187,7 @@ def _under_scatter(state: State, surface: LiftToPower | DirectRatio) -> Candidat
         weight = np.exp(-0.5 * np.sum(((X - centre) / reach) ** 2, axis=1))
         return np.asarray(-surface.mse(X) * weight)
 
-    found = PyswarmsSwarm(state.problem.swarm).minimise(weighted, window.lower, window.upper, state.rng)
+    found = swarm_of(state.problem.optimiser, state.problem.swarm).minimise(
+        weighted, window.lower, window.upper, state.rng
+    )
     return Candidate(found.x, "largest error under the scatter")
-
-
-def _believe(surface: LiftToPower | DirectRatio, x: Array) -> None:
-    """Take the prediction for an answer (Kriging believer)."""
-    X = x[None]
-    if isinstance(surface, DirectRatio):
-        surface.add(X, surface.mean(X), np.ones(1))
-    else:
-        power = np.maximum(surface.power_.predict(X), surface.power_floor_)
-        surface.add(X, surface.lift_.predict(X), power)

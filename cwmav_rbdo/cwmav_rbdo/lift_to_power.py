@@ -49,6 +49,10 @@ class RatioSurrogate(Protocol):
         """Return the gradient of the mean, (m, d)."""
         ...
 
+    def believe(self, X: Array) -> None:
+        """Take the prediction at X (m, d) for answers (Kriging believer), so that the error falls there."""
+        ...
+
 
 def _checked_power(power: ArrayLike) -> Array:
     values = np.asarray(power, dtype=np.float64)
@@ -158,6 +162,10 @@ class LiftToPower:
         gradient -= through_power[:, None] * self.power_.gradient(X)
         return gradient
 
+    def believe(self, X: Array) -> None:
+        """Take the prediction at X (m, d) for answers."""
+        self.add(X, self.lift_.predict(X), np.maximum(self.power_.predict(X), self.power_floor_))
+
 
 class DirectRatio:
     """One Kriging of the ratios of the samples: the third surrogate of the paper's reading.
@@ -214,6 +222,10 @@ class DirectRatio:
         """Return the gradient of the mean of L/P; (m, d)."""
         gradient: Array = self.ratio_.gradient(X)
         return gradient
+
+    def believe(self, X: Array) -> None:
+        """Take the prediction at X (m, d) for answers."""
+        self.add(X, self.mean(X), np.ones(len(X)))
 
 
 def _ratio(

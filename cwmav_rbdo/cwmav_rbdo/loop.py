@@ -18,20 +18,19 @@ from numpy.typing import NDArray
 
 from cwmav_common.errors import WorkError
 from cwmav_rbdo.ask_tell import Algorithm, AskTell, Point, Told
-from cwmav_rbdo.coarse_runs import lift_surrogate
 from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.criteria import judge, mean_square_error
 from cwmav_rbdo.evaluation import Answer, Evaluation, Request
 from cwmav_rbdo.goals import goal_of
 from cwmav_rbdo.infill import FIXED_SIZE, State, largest_mse, new_samples
 from cwmav_rbdo.journal import Journal
-from cwmav_rbdo.kriging import Kriging
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.lift_to_power import RatioSurrogate
 from cwmav_rbdo.noise import Noise
 from cwmav_rbdo.optimum import Optimum, reliable_optimum
 from cwmav_rbdo.result import Constraint, IterationRow, Result
 from cwmav_rbdo.samples import Samples
 from cwmav_rbdo.sampling import latin_hypercube
+from cwmav_rbdo.surfaces import surface_of
 from cwmav_rbdo.window import Window, adapted, moving_window
 from cwmav_rbdo.wing_problem import WingProblem
 
@@ -55,7 +54,7 @@ class AcceleratedLoop:
     ----------
     iterations : list of IterationRow
     samples : evaluated points so far, with those excluded
-    surface : LiftToPower, DirectRatio or None
+    surface : RatioSurrogate or None
         The surrogates as last fitted.
     """
 
@@ -70,12 +69,12 @@ class AcceleratedLoop:
         self.noise = noise
         self.iterations: list[IterationRow] = []
         self.samples = Samples(problem.lower, problem.upper)
-        self.surface: LiftToPower | DirectRatio | None = None
+        self.surface: RatioSurrogate | None = None
         self.message = ""
         self._rng = rng
         self.goal = goal_of(problem)
         self.scatter = ControlScatter(noise, problem)
-        self._batch = problem.batch_size or 2
+        self._batch = problem.batch_size or 1
         self._strict = problem.method not in FIXED_SIZE
         journal = Journal(None, {}, Evaluation) if journal is None else journal
         self._exchange = AskTell(self._algorithm(), journal, problem.control_point)
@@ -111,7 +110,15 @@ class AcceleratedLoop:
                 width = adapted(width, optimum.x - before.x, Window(before.window_lower, before.window_upper))
             window = moving_window(width, lower, upper, optimum.x)
             state = State(
-                self.surface, problem, self.scatter, optimum, window, self.samples, self._rng, self._batch
+                self.surface,
+                problem,
+                self.scatter,
+                optimum,
+                window,
+                self.samples,
+                self._rng,
+                self._batch,
+                len(self.iterations),
             )
             points, promise = new_samples(state)
             self._close_iteration(optimum, max_mse, window, promise)
@@ -121,18 +128,14 @@ class AcceleratedLoop:
             self.samples.add(told)
             self._require_progress(told)
 
-    def _fit(self) -> LiftToPower | DirectRatio:
+    def _fit(self) -> RatioSurrogate:
         s = self.samples
         if len(s.X) < len(self.problem.names) + 2:
             raise WorkError(
                 f"only {len(s.X)} of {len(s.X) + len(s.excluded)} points could be evaluated, too few for a "
                 f"surrogate; the first reason: {s.excluded[0] if s.excluded else 'none'}"
             )
-        settings = self.problem.surrogate
-        kriging = Kriging(kernel=settings.kernel, trend=settings.trend)
-        lift = lift_surrogate(self.problem, kriging)
-        model = DirectRatio(kriging) if settings.ratio == "direct" else LiftToPower(lift, kriging)
-        return model.fit(s.X, s.lift, s.power, s.lift_std**2, s.power_std**2)
+        return surface_of(self.problem).fit(s.X, s.lift, s.power, s.lift_std**2, s.power_std**2)
 
     def _close_iteration(self, optimum: Optimum, max_mse: float, window: Window, promise: float) -> None:
         response = self.samples.response_at(optimum.x)

@@ -17,12 +17,12 @@ from scipy.special import ndtr, ndtri
 
 from cwmav_rbdo.control_scatter import ControlScatter
 from cwmav_rbdo.goals import Function, Goal, goal_of
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.lift_to_power import RatioSurrogate
 from cwmav_rbdo.polish import polish
 from cwmav_rbdo.ratio_margin import LiftMargin, RatioMargin
 from cwmav_rbdo.reliability import ConvolvedField
 from cwmav_rbdo.result import Band
-from cwmav_rbdo.swarm import PyswarmsSwarm
+from cwmav_rbdo.swarm import swarm_of
 from cwmav_rbdo.wing_problem import WingProblem
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Optimum:
 
 
 def reliable_optimum(
-    surface: LiftToPower | DirectRatio,
+    surface: RatioSurrogate,
     problem: WingProblem,
     scatter: ControlScatter,
     rng: np.random.Generator,
@@ -81,7 +81,7 @@ def reliable_optimum(
 
     quick, value = goal.quick(surface, scatter), goal.value(surface, scatter)
     screen = _screen(limit_state, lower, upper, scatter) if goal.constrained else exact
-    swarm = PyswarmsSwarm(problem.swarm)
+    swarm = swarm_of(problem.optimiser, problem.swarm)
     found = swarm.minimise(_ranking(quick, screen, allowed), lower, upper, rng).x
     aim = (1.0 - _RESERVE) * allowed
     polished = _polished(value, exact, aim, problem, found)
@@ -117,13 +117,14 @@ def _searched_nearby(
 ) -> Array:
     """Small swarm with the exact constraint, where the gradient did not reach the feasible side."""
     reach = np.maximum(3.0 * scatter(start[None])[0], 0.01 * (problem.upper - problem.lower))
-    swarm = PyswarmsSwarm(replace(problem.swarm, particles=_NEARBY[0], iterations=_NEARBY[1], patience=15))
+    small = replace(problem.swarm, particles=_NEARBY[0], iterations=_NEARBY[1], patience=15)
+    swarm = swarm_of(problem.optimiser, small)
     lower, upper = np.maximum(problem.lower, start - reach), np.minimum(problem.upper, start + reach)
     return swarm.minimise(_ranking(value, exact, allowed), lower, upper, rng, start=start[None, :]).x
 
 
 def reliability_band(
-    surface: LiftToPower | DirectRatio, goal: Goal, x: Array, value: float, scatter: ControlScatter
+    surface: RatioSurrogate, goal: Goal, x: Array, value: float, scatter: ControlScatter
 ) -> Band:
     """Reliability of one design (Eq. 5) on the mean surface, and on those 1.96 errors below and above."""
     middle, low, high = (scatter.estimate(goal.margin(surface, value, k), x) for k in (0.0, -_K, _K))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_rbdo.grid_prediction import predict_on_grid
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower, RatioSurrogate
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ class RatioMargin:
 
     Parameters
     ----------
-    surrogate : LiftToPower or DirectRatio
+    surrogate : RatioSurrogate
         Fitted.
     required : float
         R1 in N/W.
@@ -25,7 +25,7 @@ class RatioMargin:
         Standard deviations of the surrogate added to its mean: -1.96 gives the pessimistic surface of a band.
     """
 
-    def __init__(self, surrogate: LiftToPower | DirectRatio, required: float, shift: float = 0.0) -> None:
+    def __init__(self, surrogate: RatioSurrogate, required: float, shift: float = 0.0) -> None:
         self.surrogate = surrogate
         self.required = required
         self.shift = shift
@@ -45,9 +45,10 @@ class RatioMargin:
     def on_grid(self, axes: list[Array]) -> NDArray[np.floating]:
         """Margin of the mean surface at every node of a tensor grid.
 
-        The power is held at its floor exactly as point by point. A shifted margin has no such short cut.
+        The power is held at its floor exactly as point by point. A shifted margin has no such short cut, nor
+        has a surrogate of the user's own.
         """
-        if self.shift != 0.0:
+        if self.shift != 0.0 or not isinstance(self.surrogate, LiftToPower | DirectRatio):
             mesh = np.meshgrid(*axes, indexing="ij")
             return self(np.stack([m.ravel() for m in mesh], axis=1)).reshape(mesh[0].shape)
         if isinstance(self.surrogate, DirectRatio):

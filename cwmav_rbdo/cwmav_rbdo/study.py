@@ -95,7 +95,7 @@ def _batch(evaluator: Evaluator, run_folder: RunFolder | None, resume: bool) -> 
     """Points of a round where the problem leaves it open; a resumed run keeps what it began with."""
     if resume and run_folder is not None:
         return int(run_folder.read_config()["problem"]["batch_size"])
-    return max(2, evaluator.workers)
+    return max(1, evaluator.workers)
 
 
 def open_journal(

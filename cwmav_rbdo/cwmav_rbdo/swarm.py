@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging.config
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cwmav_common.errors import InputError, WorkError
 from cwmav_common.settings import setting
+from cwmav_rbdo.plugins import resolve
 from cwmav_rbdo.space import checked_bounds
 
 Array = NDArray[np.float64]
@@ -73,6 +74,12 @@ class Swarm(Protocol):
     ) -> SwarmResult:
         """Minimise `f` over ``lo <= x <= hi``; `start` (k, d) are points to include in the first swarm."""
         ...
+
+
+def swarm_of(name: str, settings: SwarmSettings) -> Swarm:
+    """Give the optimiser of a name: ``pyswarms``, or the user's own, called with the settings."""
+    known: Mapping[str, Callable[[SwarmSettings], Swarm]] = {"pyswarms": PyswarmsSwarm}
+    return resolve(name, known, "optimiser")(settings)
 
 
 class PyswarmsSwarm:

@@ -30,6 +30,8 @@ CONTROLS: Mapping[str, tuple[str, float]] = {
 METHODS = ("default", "zhang2026", "classical")
 GOALS = ("ratio", "percentile", "least_power")
 EVALUATORS = ("ros", "local", "table")
+RATIOS = ("propagated", "direct")
+OPTIMISERS = ("pyswarms",)
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,12 @@ class SurrogateSettings:
     )
     ratio: str = setting(
         "propagated",
-        "L/P from the lift and power surrogates with propagated error, or a direct surrogate of the ratios",
-        choices=("propagated", "direct"),
+        "propagated: L/P from the lift and power surrogates with propagated error; direct: a surrogate of "
+        "the ratios; or python:package.module:function of your own",
     )
+
+    def __post_init__(self) -> None:
+        _check_name("surrogate.ratio", self.ratio, RATIOS)
 
 
 @dataclass(frozen=True)
@@ -126,8 +131,11 @@ class WingProblem:
     method: str = setting(
         "default", f"infill rule: {', '.join(METHODS)}, or python:package.module:function of your own"
     )
+    optimiser: str = setting(
+        "pyswarms", "what searches on the surrogates, or python:package.module:function of your own"
+    )
     batch_size: int = setting(
-        0, "new samples of a round of the method default; 0: as many as workers, at least two", ge=0, le=1000
+        0, "new samples of a round of the method default; 0: as many as workers", ge=0, le=1000
     )
     evaluate: str = setting("ros", "who evaluates points", choices=EVALUATORS)
     window: WindowSettings = field(default_factory=WindowSettings)
@@ -178,6 +186,11 @@ class WingProblem:
         return dict(zip(self.names, x.tolist(), strict=True))
 
 
+def _check_name(key: str, name: str, known: tuple[str, ...]) -> None:
+    if name not in known and not name.startswith("python:"):
+        raise InputError(f"{key} is '{name}'; allowed: {', '.join(known)}, or python:package.module:function")
+
+
 def _check_controls(problem: WingProblem) -> None:
     """Every control variable must be chosen or fixed, once, in the agreed order."""
     names = problem.names
@@ -196,18 +209,18 @@ def _check_controls(problem: WingProblem) -> None:
 
 def _check_goal(problem: WingProblem) -> None:
     """Check that the goal finds the requirement it is about, and the method's name."""
-    if problem.method not in METHODS and not problem.method.startswith("python:"):
-        raise InputError(
-            f"method is '{problem.method}'; allowed: {', '.join(METHODS)}, or python:package.module:function"
-        )
+    _check_name("method", problem.method, METHODS)
+    _check_name("optimiser", problem.optimiser, OPTIMISERS)
     if problem.goal == "ratio" and problem.require.lift_to_power is None:
         raise InputError("require.lift_to_power is missing; goal ratio needs it, in N/W")
     if problem.goal == "least_power":
         if problem.require.lift is None:
             raise InputError("require.lift is missing; goal least_power needs it, in N")
-        if problem.surrogate.ratio == "direct":
-            raise InputError("surrogate.ratio is 'direct'; goal least_power needs 'propagated'")
-    if problem.source.coarse_lifts and problem.surrogate.ratio == "direct":
+        if problem.surrogate.ratio != "propagated":
+            raise InputError(
+                f"surrogate.ratio is '{problem.surrogate.ratio}'; goal least_power needs 'propagated'"
+            )
+    if problem.source.coarse_lifts and problem.surrogate.ratio != "propagated":
         raise InputError("source.coarse_lifts needs surrogate.ratio 'propagated': they are lifts, not ratios")
     if problem.goal == "percentile" and problem.require.reliability <= 0.5:
         raise InputError(

@@ -24,7 +24,7 @@ from cwmav_rbdo.evaluation import Evaluation, Responses
 from cwmav_rbdo.evaluators import TableEvaluator, power_model
 from cwmav_rbdo.executors import problem_evaluator
 from cwmav_rbdo.general.oracle import Oracle
-from cwmav_rbdo.general.rbdo import solve_rbdo
+from cwmav_rbdo.general.rbdo import refine
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.loop import AcceleratedLoop
 from cwmav_rbdo.problem import load_problem
@@ -139,7 +139,7 @@ def published_problem(name: str, method: str, q: float, seed: int) -> Outcome:
     evaluator = problem_evaluator(problem)
     journal = Journal(None, {}, Responses)
     oracle = Oracle(evaluator, journal, budget, problem.dispatch, lambda: False)
-    found = solve_rbdo(problem, oracle, np.random.default_rng(seed), watch)
+    found = refine(problem, oracle, np.random.default_rng(seed), watch)
     stopped = oracle.calls if found.converged and method == "default" else None
     return Outcome(reached, stopped, seen[-1][0])
 

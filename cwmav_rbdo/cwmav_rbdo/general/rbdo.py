@@ -64,13 +64,25 @@ class Outcome:
     message: str
 
 
+@dataclass(frozen=True)
+class Refined:
+    """Design found, before its check, with the surrogates it was found on."""
+
+    design: Design
+    rounds: tuple[Round, ...]
+    converged: bool
+    message: str
+    space: RandomSpace
+    surrogates: Surrogates
+
+
 def solve_rbdo(
     problem: GeneralProblem,
     oracle: Oracle,
     rng: np.random.Generator,
     go_on: Callable[[Array, float, int], bool] = lambda design, objective, evaluations: True,
 ) -> Outcome:
-    """Solve a problem of kind ``rbdo``.
+    """Solve a problem of kind ``rbdo`` and check the design by Monte Carlo on the surrogates.
 
     Parameters
     ----------
@@ -84,6 +96,18 @@ def solve_rbdo(
     WorkError
         Too few points could be evaluated for a surrogate.
     """
+    found = refine(problem, oracle, rng, go_on)
+    constraints = check(problem, found.space, found.surrogates, found.design.d, rng)
+    return Outcome(found.design, constraints, found.rounds, found.converged, found.message)
+
+
+def refine(
+    problem: GeneralProblem,
+    oracle: Oracle,
+    rng: np.random.Generator,
+    go_on: Callable[[Array, float, int], bool],
+) -> Refined:
+    """Take samples until the design comes to rest; see :func:`solve_rbdo`."""
     space = RandomSpace(problem)
     lower, upper = space.box(problem.lower, problem.upper)
     count = min(max(oracle.budget // 3, 4), 4 * len(lower) + 6)
@@ -129,8 +153,7 @@ def solve_rbdo(
         if len(answers.points):
             surrogates.add(answers.points, answers.values)
     converged = not message.startswith("stopped") and design.violation <= 0.0
-    constraints = check(problem, space, surrogates, design.d, rng)
-    return Outcome(design, constraints, tuple(rounds), converged, message)
+    return Refined(design, tuple(rounds), converged, message, space, surrogates)
 
 
 def check(

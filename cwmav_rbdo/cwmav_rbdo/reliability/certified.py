@@ -18,7 +18,9 @@ from cwmav_rbdo.reliability.line_root import line_root, line_root_estimate
 Array = NDArray[np.float64]
 
 DOUBT = 5e-5
-"""Error of a probability beyond which the second quadrature is asked."""
+"""Error of a probability beyond which the second quadrature is asked, for many designs."""
+SURE = 1e-6
+"""The same for one design, of which no doubt need be left."""
 
 
 def certified(
@@ -40,7 +42,7 @@ def certified_estimate(g: LimitState, design: ArrayLike, std: ArrayLike) -> Esti
     """Probability of failure of one design by the better of the two, each with finer nodes."""
     found = line_root_estimate(g, design, std)
     scattering = np.count_nonzero(np.asarray(std) > 0.0)
-    if found.std <= DOUBT or scattering > LARGEST_DIMENSION:
+    if found.std <= SURE or scattering > LARGEST_DIMENSION:
         return found
     other = directional_estimate(g, design, std)
     return other if other.std < found.std else found

@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from cwmav_rbdo.lift_to_power import DirectRatio, LiftToPower
+from cwmav_rbdo.lift_to_power import RatioSurrogate
 from cwmav_rbdo.loop import AcceleratedLoop
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ def reliability(loop: AcceleratedLoop) -> str:
     return svg(figure)
 
 
-def _pair(loop: AcceleratedLoop, surface: LiftToPower | DirectRatio, i: int, j: int) -> Figure:
+def _pair(loop: AcceleratedLoop, surface: RatioSurrogate, i: int, j: int) -> Figure:
     problem = loop.problem
     u = np.linspace(problem.lower[i], problem.upper[i], _GRID)
     v = np.linspace(problem.lower[j], problem.upper[j], _GRID)
@@ -141,7 +141,7 @@ def _mark(axes: Axes, loop: AcceleratedLoop, i: int, j: int) -> None:
     axes.legend(fontsize="x-small", facecolor="0.3", labelcolor="w", loc="upper right")
 
 
-def _line(loop: AcceleratedLoop, surface: LiftToPower | DirectRatio) -> Figure:
+def _line(loop: AcceleratedLoop, surface: RatioSurrogate) -> Figure:
     problem = loop.problem
     x = np.linspace(problem.lower[0], problem.upper[0], 4 * _GRID)
     mean, std = surface.predict(x[:, None])

@@ -57,6 +57,22 @@ def test_each_criterion_alone_keeps_the_loop_going():
     assert not unreliable.converged
 
 
+def test_the_strict_end_asks_for_certainty_and_twice_no_promise():
+    @dataclass(frozen=True)
+    class Strict(Row):
+        certain: bool = True
+        promise: float = 0.001
+
+    good, hoping = Strict(0.130, 0.131), Strict(0.130, 0.131, promise=0.02)
+    settings = CriteriaSettings()
+    assert judge([good, good], settings, strict=True).converged
+    assert judge([hoping, hoping], settings).converged
+    assert not judge([good, hoping], settings, strict=True).converged
+    assert not judge([hoping, good], settings, strict=True).converged
+    assert not judge([good, Strict(0.130, 0.131, certain=False)], settings, strict=True).converged
+    assert judge([good, Strict(0.130, 0.131, promise=math.nan)], settings, strict=True).converged
+
+
 def test_an_optimum_that_could_not_be_evaluated_never_satisfies_cc1():
     assert not judge([Row(0.13, 0.13), Row(0.13, math.nan)], CriteriaSettings()).error_small
 

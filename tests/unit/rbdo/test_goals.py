@@ -123,6 +123,7 @@ def test_correlation_and_distribution_change_the_design(surface):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_percentile_form_is_active_where_the_constraint_is_idle(surface):
     noise = {"F": 2.5, "AoA": 6.0, "U": 0.05}
     _, plain = optimum(surface, noise=noise, require=Requirement(0.05, 0.9974))

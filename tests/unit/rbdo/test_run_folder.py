@@ -63,7 +63,7 @@ def test_config_reads_back_as_the_same_problem(finished):
     folder, _ = finished
     config = yaml.safe_load(folder.config.read_text())
     # All settings are resolved there, also the size of a round that the file leaves open.
-    assert parse_problem(config["problem"], "config.yaml") == small_problem(max_iterations=2, batch_size=2)
+    assert parse_problem(config["problem"], "config.yaml") == small_problem(max_iterations=2, batch_size=1)
     assert config["seed"] == 5
     assert config["noise"]["scatter"]["AoA"]["std"] == 0.462
 
