@@ -67,7 +67,7 @@ def reach(loss: float, variables: Sequence[int]) -> Array:
     (k,) array in Hz, deg, m/s
     """
     H = _hessian(_curvatures())[np.ix_(variables, variables)]
-    return np.sqrt(-2.0 * np.log1p(-loss) * np.diag(np.linalg.inv(H)))
+    return np.asarray(np.sqrt(-2.0 * np.log1p(-loss) * np.diag(np.linalg.inv(H))))
 
 
 class PaperSurface:
