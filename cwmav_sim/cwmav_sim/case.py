@@ -340,7 +340,7 @@ def _paper() -> Case:
     )
     box = Box(length=0.512, width=0.512, height=0.512, upstream=0.15, symmetric=False)
     flow = _flow(0.004, fluid=fluid, box=box, shifting=Shifting(coefficient=0.0))
-    flow = replace(flow, resolution=replace(flow.resolution, jitter=0.0))
+    flow = replace(flow, resolution=replace(flow.resolution, jitter=0.0, h_over_dp=1.2 * math.sqrt(2.0)))
     return Case(flow=flow)
 
 

@@ -30,7 +30,17 @@ from cwmav_sim.sph.forces import (
     _particle,
     _store,
 )
-from cwmav_sim.sph.gather import ANY_IMAGE, FAR, MOST_RUNS, SLABS, fill, stretch, stretches, window
+from cwmav_sim.sph.gather import (
+    ANY_IMAGE,
+    FAR,
+    MOST_RUNS,
+    SLABS,
+    aligned_rows,
+    fill,
+    stretch,
+    stretches,
+    window,
+)
 from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, VOLUME, sum_pairs
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.state import FloatArray, IntArray, Particles
@@ -191,8 +201,8 @@ def air_pass(
     """
     ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
-        buf = np.empty((FLUID_ROWS, room), fluid.dtype)
-        near = np.empty((FLUID_ROWS, wall_room), fluid.dtype)
+        buf = aligned_rows(FLUID_ROWS, room, fluid)
+        near = aligned_rows(FLUID_ROWS, wall_room, fluid)
         begin, wall_begin = np.empty(SLABS + 1, np.int64), np.empty(SLABS + 1, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)
@@ -285,7 +295,7 @@ def wall_pass(
     """
     ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
-        buf = np.empty((FLUID_ROWS, room), fluid.dtype)
+        buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin = np.empty(SLABS + 1, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)

@@ -19,6 +19,7 @@ from cwmav_sim.sph.gather import (
     MOST_RUNS,
     REACH,
     SLABS,
+    aligned_rows,
     fill,
     slab_runs,
     stretch,
@@ -127,7 +128,7 @@ def fluid_pass(
     """
     nx, ny = integers[0], integers[1]
     for chunk in nb.prange(CHUNKS):
-        buf = np.empty((FLUID_ROWS, room), fluid.dtype)
+        buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin = np.empty(SLABS + 1, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)
@@ -216,21 +217,27 @@ def walled_pass(
     nx, ny = integers[0], integers[1]
     channels, panels = signed.shape[0], element_start.shape[0]
     for chunk in nb.prange(CHUNKS):
-        buf = np.empty((FLUID_ROWS, room), fluid.dtype)
+        buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin = np.empty(SLABS + 1, np.int64)
-        weight = np.empty(room, fluid.dtype)
-        side_s = np.empty((channels, room), fluid.dtype)
-        side_d = np.empty((channels, room), fluid.dtype)
+        weight = aligned_rows(1, room, fluid)[0]
+        side_s = aligned_rows(channels, room, fluid)
+        side_d = aligned_rows(channels, room, fluid)
         low, high = np.empty(channels, fluid.dtype), np.empty(channels, fluid.dtype)
-        wall_buf = np.empty((channels, ELEMENT_ROWS, element_room), fluid.dtype)
+        wall_buf = aligned_rows(channels * ELEMENT_ROWS, element_room, fluid).reshape(
+            (channels, ELEMENT_ROWS, element_room)
+        )
         wall_begin = np.empty((channels, SLABS + 1), np.int64)
-        wall_s = np.empty((channels, channels, element_room), fluid.dtype)
-        wall_d = np.empty((channels, channels, element_room), fluid.dtype)
+        wall_s = aligned_rows(channels * channels, element_room, fluid).reshape(
+            (channels, channels, element_room)
+        )
+        wall_d = aligned_rows(channels * channels, element_room, fluid).reshape(
+            (channels, channels, element_room)
+        )
         wall_low, wall_high = (
             np.empty((channels, channels), fluid.dtype),
             np.empty((channels, channels), fluid.dtype),
         )
-        area = np.empty(element_room, fluid.dtype)
+        area = aligned_rows(1, element_room, fluid)[0]
         reaction = np.zeros((channels, REACTION_SIZE, element_room), fluid.dtype)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(FLUID_ROWS, fluid.dtype)

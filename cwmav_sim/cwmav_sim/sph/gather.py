@@ -17,10 +17,11 @@ import numpy as np
 from cwmav_sim.sph.blocks import BLOCK, add_block, scaled_block
 
 REACH = 2
-STRETCH = 8  # cells along z that share a buffer
+STRETCH = 16  # cells along z that share a buffer, at most
 SLABS = STRETCH + 2 * REACH
 PADDING = 32  # entries; a multiple of what a vector loop takes at once, and of a block
 FAR = 1.0e3  # metres; padding entries lie here, outside every support
+_LINE = 64  # bytes of a cache line
 MOST_RUNS = 40  # of a slab: rows within reach in y, each cut at most a few times by periodic faces
 ANY_IMAGE = 0  # points as they are and mirror images alike
 
@@ -169,30 +170,53 @@ def fill(packed, column, start, integers, cell, place, vectors, scalars, image, 
 def window(begin, cz):
     """Return first entry and padded length of what surrounds cell ``cz`` of a stretch, counted from 0.
 
-    The padding reaches into the next slab or into the filler, both of which lie outside the support.
+    The first entry is a multiple of a block, so that vector loads do not straddle cache lines. The padding
+    reaches into the slabs before and after or into the filler, all of which lie outside the support.
     """
-    first = begin[cz]
+    first = begin[cz] // BLOCK * BLOCK
     length = begin[cz + 2 * REACH + 1] - first
     return first, (length + PADDING - 1) // PADDING * PADDING
 
 
 @nb.njit(cache=True, error_model="numpy")
+def aligned_rows(rows, room, like):
+    """Return an uninitialised array (rows, room) of the type of ``like``, every row at a cache line.
+
+    ``room`` is a multiple of a block, as :func:`buffer_room` gives it.
+    """
+    size = like.itemsize
+    flat = np.empty(rows * room + _LINE // size, like.dtype)
+    skip = (-flat.ctypes.data % _LINE) // size
+    return flat[skip : skip + rows * room].reshape((rows, room))
+
+
+@nb.njit(cache=True, error_model="numpy")
 def stretches(integers):
     """Return the number of stretches of the whole grid."""
-    return integers[0] * integers[1] * ((integers[2] + STRETCH - 1) // STRETCH)
+    return integers[0] * integers[1] * _parts(integers)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _parts(integers):
+    """Return into how many stretches a column of cells is cut; they are as equal as can be."""
+    return (integers[2] + STRETCH - 1) // STRETCH
 
 
 @nb.njit(cache=True, error_model="numpy")
 def stretch(integers, number):
     """Return the place of a stretch: x, y, first z, the z after the last, and the z it is centred on."""
-    nx, ny, nz = integers[0], integers[1], integers[2]
-    z0 = number // (nx * ny) * STRETCH
-    z1 = min(z0 + STRETCH, nz)
+    nx, ny, nz, parts = integers[0], integers[1], integers[2], _parts(integers)
+    part = number // (nx * ny)
+    z0, z1 = part * nz // parts, (part + 1) * nz // parts
     return number % nx, number // nx % ny, z0, z1, (z0 + z1) // 2
 
 
 def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:
-    """Return a buffer length that holds the surroundings of any stretch, padding included."""
+    """Return a buffer length that holds the surroundings of any stretch, padding included.
+
+    It is an odd number of blocks: rows of a power of two would all fall into the same places of the cache.
+    """
     fullest = int(np.diff(start, axis=-1).max(initial=0))
     rows = 2 * int(integers[4]) + 1
-    return fullest * rows * (2 * REACH + 1) * SLABS + PADDING + BLOCK
+    entries = fullest * rows * (2 * REACH + 1) * SLABS + PADDING + BLOCK
+    return (-(-entries // BLOCK) | 1) * BLOCK

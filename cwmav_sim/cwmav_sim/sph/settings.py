@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from cwmav_common.settings import setting
@@ -44,7 +43,7 @@ class Resolution:
     """Particle spacing, kernel radius and time step."""
 
     dp: float = setting(0.008, "initial particle spacing", unit="m", gt=0)
-    h_over_dp: float = setting(1.2 * math.sqrt(2.0), "smoothing length over particle spacing", ge=1.0, le=2.5)
+    h_over_dp: float = setting(1.5, "smoothing length over particle spacing", ge=1.0, le=2.5)
     cfl: float = setting(0.2, "Courant number of the time step, on the smoothing length", gt=0, le=0.6)
     precision: str = setting("single", "precision of the pair sums", choices=("single", "double"))
     jitter: float = setting(0.1, "random initial displacement over particle spacing", ge=0, le=0.3)
@@ -91,7 +90,7 @@ class SheetOptions:
         choices=("two-sided", "dbc"),
     )
     element_spacing: float = setting(1.0 / 3.0, "spacing of the wall quadrature", gt=0.1, le=1)
-    set_back: float = setting(0.5, "inward displacement of the free edges", ge=0, le=2)
+    set_back: float = setting(0.25, "inward displacement of the free edges", ge=0, le=2)
     keep_out: float = setting(0.4, "distance below which particles are eased away", ge=0, le=1)
     approach_damping: float = setting(0.0, "factor of the pressure that resists approach", ge=0, le=50)
 

@@ -16,7 +16,17 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_sim.sph.gather import ANY_IMAGE, FAR, MOST_RUNS, SLABS, fill, stretch, stretches, window
+from cwmav_sim.sph.gather import (
+    ANY_IMAGE,
+    FAR,
+    MOST_RUNS,
+    SLABS,
+    aligned_rows,
+    fill,
+    stretch,
+    stretches,
+    window,
+)
 from cwmav_sim.sph.visibility import CHUNKS, gather_sides, hide, ranges
 
 SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
@@ -85,11 +95,11 @@ def _pass(
     nx, ny = integers[0], integers[1]
     channels = signed.shape[0]
     for chunk in nb.prange(CHUNKS):
-        buf = np.empty((_ROWS, room), packed.dtype)
+        buf = aligned_rows(_ROWS, room, packed)
         begin = np.empty(SLABS + 1, np.int64)
-        weight = np.empty(room, packed.dtype)
-        side_s = np.empty((channels, room), packed.dtype)
-        side_d = np.empty((channels, room), packed.dtype)
+        weight = aligned_rows(1, room, packed)[0]
+        side_s = aligned_rows(channels, room, packed)
+        side_d = aligned_rows(channels, room, packed)
         low, high = np.empty(channels, packed.dtype), np.empty(channels, packed.dtype)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(_ROWS, packed.dtype)

@@ -28,6 +28,7 @@ from cwmav_sim.sph.gather import (
     REACH,
     SIGN,
     SLABS,
+    aligned_rows,
     fill,
     slab_runs,
     stretch,
@@ -107,7 +108,7 @@ def locate(
     for chunk in nb.prange(CHUNKS):
         runs = np.empty((MOST_RUNS, 6), np.int64)
         begin = np.empty(SLABS + 1, np.int64)
-        buf = np.empty((PROBE_ROWS, room), cell.dtype)
+        buf = aligned_rows(PROBE_ROWS, room, cell)
         filler = np.zeros(PROBE_ROWS, cell.dtype)
         filler[0] = FAR
         for number in range(chunk, stretches(integers), CHUNKS):

@@ -12,6 +12,7 @@ from cwmav_sim.verification.clap_fling import ClapAndFling
 from cwmav_sim.verification.convergence import Convergence
 from cwmav_sim.verification.coupled import EnergyOfExchange
 from cwmav_sim.verification.cylinder import OscillatingCylinder, StartedCylinder
+from cwmav_sim.verification.flag_in_flow import FlagInFlow
 from cwmav_sim.verification.hover import HoveringEllipse
 from cwmav_sim.verification.hydrostatic import HydrostaticColumn
 from cwmav_sim.verification.plate import PlateAddedMass
@@ -45,6 +46,7 @@ def catalogue() -> tuple[VerificationCase, ...]:
         HoveringEllipse(),
         EnergyOfExchange("membrane"),
         EnergyOfExchange("lattice"),
+        FlagInFlow(),
         *(ClapAndFling(reynolds) for reynolds in (8, 32, 128)),
         *(LowAspectRatioPlate(angle) for angle in (20, 30, 40, 50, 10, 60)),
     )

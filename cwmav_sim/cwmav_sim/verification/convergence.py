@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cwmav_sim.verification.channel import Couette
+from cwmav_sim.verification.plate import PlateAddedMass
 from cwmav_sim.verification.protocol import Check
 from cwmav_sim.verification.taylor_green import TaylorGreen
 
@@ -24,21 +25,24 @@ def observed_order(cells: Sequence[int], errors: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Error of the velocity of decaying vortices, and of the profile of Couette flow while it starts."""
+    """Errors of decaying vortices, of Couette flow while it starts, of the added mass of a plate."""
 
     name: str = "convergence"
     summary: str = "observed order at three resolutions"
     slow: bool = True
     vortices: tuple[int, ...] = (25, 50, 100)
     channel: tuple[int, ...] = (10, 20, 40)
+    plate: tuple[int, ...] = (8, 16, 32)
 
     def run(self) -> list[Check]:
         """Run the case and compare."""
         free = [TaylorGreen(cells=n).measure()[1] for n in self.vortices]
         walled = [Couette(cells=n, times=(0.1,)).run()[0].value for n in self.channel]
+        edges = [abs(PlateAddedMass(cells=n).measure()[0] - 1.0) for n in self.plate]
         return [
             _order(self.name, "Taylor-Green, rms error of velocity", self.vortices, free),
             _order(self.name, "Couette at t = 0.1, largest error", self.channel, walled),
+            _order(self.name, "added mass of a plane plate, error", self.plate, edges),
         ]
 
 

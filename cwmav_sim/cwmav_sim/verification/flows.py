@@ -30,7 +30,7 @@ def plane_flow(
     gravity: float = 0.0,
     background_pressure: float = 0.0,
     fringe: Fringe = NO_FRINGE,
-    set_back: float = 0.5,
+    set_back: float = 0.25,
     precision: str = "double",
     cfl: float = 0.4,
     jitter: float = 0.1,

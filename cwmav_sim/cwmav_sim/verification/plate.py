@@ -20,15 +20,15 @@ class PlateAddedMass:
     """Chord 1; a small oscillation normal to the plate in air at rest."""
 
     name: str = "added-mass-2d"
-    summary: str = "added mass of a plane plate, 20 particles per chord"
-    slow: bool = False
-    cells: int = 20
-    set_back: float = 0.5
+    summary: str = "added mass of a plane plate, 40 particles per chord"
+    slow: bool = True
+    cells: int = 40
+    set_back: float = 0.25
     jitter: float = 0.1
     chords: float = 8.0
     remark: str = (
         "the flow round a free edge is cut off at a spacing, so a plate acts longer by 2 (1 - set-back) "
-        "spacings (decision 0005)."
+        "spacings (decisions 0005, 0007)."
     )
 
     def run(self) -> list[Check]:

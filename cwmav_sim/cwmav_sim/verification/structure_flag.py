@@ -9,23 +9,25 @@ import numpy as np
 
 from cwmav_sim.verification.protocol import Check
 from cwmav_sim.verification.structure_solid import Solid, plane_strain, solid_mass
+from cwmav_sim.wing.carried import CarriedAir, node_blocks
 from cwmav_sim.wing.dynamics import Configuration, Inertia, StillRoot, System
 from cwmav_sim.wing.integrate import Integration, Integrator
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 from cwmav_sim.wing.statics import at_rest, equilibrium
 
 _SOURCE = "Turek & Hron 2006, Lect. Notes Comput. Sci. Eng. 53, 371"
-_NO_BODIES = np.zeros((0, 3, 3))
+NO_BODIES = np.zeros((0, 3, 3))
 DENSITY, MODULUS, POISSON, GRAVITY = 1000.0, 1.4e6, 0.4, 2.0
 CYLINDER, RADIUS, END, HEIGHT = (0.2, 0.2), 0.05, 0.6, 0.02
 
 
 @dataclass(frozen=True)
 class Flag:
-    """The flag as a system: nodes, point A at the middle of its free end, and its weight."""
+    """The flag as a system: nodes, their grid, point A at the middle of its free end, and its weight."""
 
     system: System
     x: FloatArray
+    number: IntArray
     tip: int
     weight: FloatArray
 
@@ -34,7 +36,7 @@ class Flag:
         return self.weight
 
 
-def flag(along: int, across: int) -> Flag:
+def flag(along: int, across: int, density: float = DENSITY, modulus: float = MODULUS) -> Flag:
     """Mesh the flag with ``along`` x ``across`` nine-node cells; its root follows the cylinder."""
     rows, columns = 2 * across + 1, 2 * along + 1
     y = CYLINDER[1] + HEIGHT * (np.linspace(0.0, 1.0, rows) - 0.5)
@@ -45,15 +47,16 @@ def flag(along: int, across: int) -> Flag:
     x[:, 1] = np.repeat(y, columns)
     number = np.arange(rows * columns).reshape(rows, columns)
     cells = _cells(number, along, across)
-    mass = solid_mass(x, cells, DENSITY)
+    mass = solid_mass(x, cells, density)
     system = System(
         Inertia(mass, np.zeros((0, 3))),
-        [Solid(x, cells, plane_strain(MODULUS, POISSON))],
-        StillRoot(x, _NO_BODIES, number[:, 0], np.zeros(0, dtype=np.int64)),
+        [Solid(x, cells, plane_strain(modulus, POISSON))],
+        StillRoot(x, NO_BODIES, number[:, 0], np.zeros(0, dtype=np.int64)),
+        carried=CarriedAir(node_blocks(len(x))),
     )
     weight = np.zeros_like(x)
     weight[:, 1] = -GRAVITY * mass
-    return Flag(system, x, int(number[rows // 2, -1]), weight)
+    return Flag(system, x, number, int(number[rows // 2, -1]), weight)
 
 
 def _cells(number: IntArray, along: int, across: int) -> IntArray:
@@ -76,7 +79,7 @@ class FlagAtRest:
     def run(self) -> list[Check]:
         """Run the case and compare."""
         body = flag(self.along, self.across)
-        c = equilibrium(body.system, at_rest(body.x, _NO_BODIES), body.load)
+        c = equilibrium(body.system, at_rest(body.x, NO_BODIES), body.load)
         moved = 1e3 * (c.x - body.x)[body.tip]
         return [
             Check(self.name, "tip displacement x [mm]", float(moved[0]), -7.187, 7.187, 2.0, _SOURCE),
@@ -113,7 +116,7 @@ class FlagSwinging:
         """Return times (s,) [s] and tip displacements (s, 2) [mm]."""
         body = flag(self.along, self.across)
         settings = Integration(spectral_radius=0.95, longest_step=self.step)
-        integrator = Integrator(body.system, settings, body.x, _NO_BODIES, load=body.load)
+        integrator = Integrator(body.system, settings, body.x, NO_BODIES, load=body.load)
         t = self.step * np.arange(1, round(self.duration / self.step) + 1, dtype=np.float64)
         moved = [integrator.advance(float(now), body.load).configuration.x[body.tip] for now in t]
         return t, np.asarray(1e3 * (np.array(moved) - body.x[body.tip])[:, :2], dtype=np.float64)

@@ -44,8 +44,8 @@ class LowAspectRatioPlate:
     duration: float = 8.0
     slow: bool = True
     remark: str = (
-        "ten particles per chord and edges set back by half a spacing each; in the plane the lift at 30 deg "
-        "is 14 % low at this resolution and 4 % low at twice it (decision 0005)."
+        "ten particles per chord, in a box of four by five chords; in the plane the lift at 30 deg is low by "
+        "a length at the edges that shrinks with the spacing (decisions 0005, 0007)."
     )
 
     @property

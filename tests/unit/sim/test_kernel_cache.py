@@ -12,8 +12,8 @@ from cwmav_sim.sph.forces import fluid_pass
 
 
 def test_kernels_are_kept_under_the_fingerprint_of_the_solver():
-    assert Path(numba.config.CACHE_DIR).name == f"kernels-{fingerprint.solver_fingerprint()}"
-    assert f"kernels-{fingerprint.solver_fingerprint()}" in str(fluid_pass._cache.cache_path)
+    assert Path(numba.config.CACHE_DIR).name == f"kernels-{fingerprint.coupled_fingerprint()}"
+    assert f"kernels-{fingerprint.coupled_fingerprint()}" in str(fluid_pass._cache.cache_path)
 
 
 def test_an_edit_of_an_inlined_formula_changes_the_fingerprint(tmp_path, monkeypatch):
@@ -21,7 +21,7 @@ def test_an_edit_of_an_inlined_formula_changes_the_fingerprint(tmp_path, monkeyp
     copy = tmp_path / "cwmav_sim"
     shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__", "data"))
     monkeypatch.setattr(fingerprint, "__file__", str(copy / "fingerprint.py"))
-    fresh = fingerprint.solver_fingerprint.__wrapped__
+    fresh = fingerprint.coupled_fingerprint.__wrapped__
     before = fresh()
     pair = copy / "sph" / "pair.py"
     text = pair.read_text()
