@@ -27,7 +27,7 @@ from cwmav_sim.wing.dynamics import Configuration, System
 from cwmav_sim.wing.motion import Motion
 from cwmav_sim.wing.rotation import cross
 from cwmav_sim.wing.sheet import FloatArray, IntArray
-from cwmav_sim.wing.sheet_map import SheetMap
+from cwmav_sim.wing.sheet_map import ImpactMap
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Impacts:
         Settings.
     system : System
         The structure.
-    sheet : SheetMap
+    sheet : ImpactMap
         Its sheet.
     triangles, panel : ndarray
         Topology of the sheet.
@@ -92,7 +92,7 @@ class Impacts:
         self,
         law: ContactLaw,
         system: System,
-        sheet: SheetMap,
+        sheet: ImpactMap,
         triangles: IntArray,
         panel: IntArray,
         panel_names: tuple[str, ...],

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,20 +23,25 @@ class SheetMap(Protocol):
         """Return the forces and moments on the structure's rows that do the work of the nodal ``forces``."""
         ...
 
-    def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
-        """Return the change of all rates by nodal ``impulses`` (n, 3) [N s]; driven rows do not change."""
-        ...
-
-    def compliance(self, c: Configuration) -> sp.csr_matrix:
-        """Return the change of the sheet's velocities per nodal impulse, shape (3 n, 3 n) [1/kg]."""
-        ...
-
     def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
         """Return the inertia that nodal masses (n,) moving along ``normal`` (n, 3) add to each unknown.
 
         Blocks of the rows that :class:`cwmav_sim.wing.carried.CarriedAir` was given, shape (m, d, d), lumped:
         what couples different blocks is added to their diagonals.
         """
+        ...
+
+
+@runtime_checkable
+class ImpactMap(SheetMap, Protocol):
+    """A sheet that can touch another one."""
+
+    def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
+        """Return the change of all rates by nodal ``impulses`` (n, 3) [N s]; driven rows do not change."""
+        ...
+
+    def compliance(self, c: Configuration) -> sp.csr_matrix:
+        """Return the change of the sheet's velocities per nodal impulse, shape (3 n, 3 n) [1/kg]."""
         ...
 
 

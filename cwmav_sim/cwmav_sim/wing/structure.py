@@ -18,7 +18,7 @@ from cwmav_sim.wing.dynamics import Configuration, Load, System
 from cwmav_sim.wing.integrate import Integration, Integrator
 from cwmav_sim.wing.motion import Counters, Energies, Motion
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
-from cwmav_sim.wing.sheet_map import SheetMap
+from cwmav_sim.wing.sheet_map import ImpactMap, SheetMap
 
 
 class WingStructure(Protocol):
@@ -119,6 +119,8 @@ class FlexibleWings:
         self._count = int(triangles.max()) + 1
         self.impacts: Impacts | None = None
         if contact is not None and contact.enabled:
+            if not isinstance(sheet, ImpactMap):
+                raise TypeError(f"{type(sheet).__name__} cannot take impacts, which contact needs")
             self.impacts = Impacts(contact, system, sheet, triangles, panel, panel_names, self.state().x)
 
     @property

@@ -33,7 +33,8 @@ def test_surface_goes_round_the_flag_and_hands_on_every_force(body):
 
 def test_flag_cylinder_and_channel_are_walls_the_fluid_moves(body):
     walls = flag_in_channel(body, 1.0, 0.02)
-    assert isinstance(walls, Compliant) and isinstance(walls, Solid)
+    assert isinstance(walls, Compliant)
+    assert isinstance(walls, Solid)
     assert walls.panel_names == ("below", "end", "above", "cylinder", "floor", "ceiling")
     assert walls.triangles.max() == len(walls.state(0.0).x) - 1
     places = np.array([[0.2, 0.0, 0.0], [0.4, 0.0, -0.005], [0.4, 0.0, 0.1], [0.4, 0.0, 0.3]])
