@@ -17,6 +17,7 @@ from cwmav_common.errors import InputError, WorkError
 from cwmav_common.mcap_io import BagWriter, Message, open_recording, write_rosbag2_metadata
 from cwmav_common.settings import to_mapping
 from cwmav_rig.instruments import messages as topics
+from cwmav_rig.instruments.bench import instruments
 from cwmav_rig.instruments.protocol import Identity
 from cwmav_rig.instruments.session import InstrumentHealth, Session
 from cwmav_rig.instruments.settings import BenchSettings
@@ -146,7 +147,7 @@ def record_bench(
     InputError, InstrumentError
         An instrument cannot be opened, or the recording not be written.
     """
-    session = Session(bench.instruments())
+    session = Session(instruments(bench))
     identities = session.open()
     try:
         with LiveRecorder(path, bench, identities) as recorder:

@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cwmav_common.errors import InputError
 from cwmav_common.settings import load_yaml, setting
-from cwmav_rig.instruments.protocol import Instrument
 
 
 @dataclass(frozen=True)
@@ -99,36 +96,6 @@ class BenchSettings:
     camera: CameraSettings = field(default_factory=CameraSettings)
     tunnel: TunnelSettings = field(default_factory=TunnelSettings)
     topic_map: str = setting("", "topic map with calibration facts that is stored in recordings")
-
-    def instruments(self) -> list[Instrument]:
-        """Make what is on the bench; nothing is opened yet.
-
-        Raises
-        ------
-        InputError
-            Nothing is on the bench, or what an instrument needs is not installed.
-        """
-        from cwmav_rig.instruments.camera import FolderCamera, StreamCamera
-        from cwmav_rig.instruments.net_ft import NetFt
-        from cwmav_rig.instruments.oscilloscope import Oscilloscope
-        from cwmav_rig.instruments.tunnel import Tunnel
-
-        if self.camera.folder and self.camera.stream:
-            raise InputError("camera: folder and stream are given; allowed: one of them")
-        makers: list[tuple[str, Callable[[], Instrument]]] = [
-            (self.force.host, lambda: NetFt(self.force)),
-            (self.oscilloscope.resource, lambda: Oscilloscope(self.oscilloscope)),
-            (self.camera.folder, lambda: FolderCamera(self.camera)),
-            (self.camera.stream, lambda: StreamCamera(self.camera)),
-            (self.tunnel.resource, lambda: Tunnel(self.tunnel)),
-        ]
-        found = [make() for there, make in makers if there]
-        if not found:
-            raise InputError(
-                "no instrument on the bench; give force.host, oscilloscope.resource, camera.folder,"
-                " camera.stream or tunnel.resource"
-            )
-        return found
 
 
 def load_bench(path: str | Path) -> BenchSettings:

@@ -10,6 +10,7 @@ from cwmav_common.errors import InputError, WorkError
 from cwmav_common.mcap_io import Message, Topic
 from cwmav_common.ros.diagnostics import Health
 from cwmav_rig.instruments import BenchSettings, Identity, InstrumentHealth, Session, load_bench
+from cwmav_rig.instruments.bench import instruments
 from cwmav_rig.record import LiveRecorder, live_topic_map, new_name
 from cwmav_rig.topic_map import TopicMap, from_plain
 
@@ -32,7 +33,7 @@ class LiveBench:
     def __init__(self, path: str) -> None:
         self.path = path
         self.bench: BenchSettings = load_bench(path)
-        self._session = Session(self.bench.instruments())
+        self._session = Session(instruments(self.bench))
         self.identities: dict[str, Identity] = self._session.open()
         self._recorder: LiveRecorder | None = None
         self._trouble = ""

@@ -18,6 +18,7 @@ from cwmav_common.mcap_io import BagWriter, open_recording
 from cwmav_rig import cli
 from cwmav_rig.info import describe
 from cwmav_rig.instruments import BenchSettings, InstrumentError, Session, load_bench
+from cwmav_rig.instruments.bench import instruments
 from cwmav_rig.instruments.camera import FolderCamera, StreamCamera
 from cwmav_rig.instruments.net_ft import SampleClock
 from cwmav_rig.instruments.oscilloscope import read_scaling
@@ -71,7 +72,7 @@ def test_net_box_gives_blocks_in_si_units_and_counts_what_is_lost(netft):
         return (0.001 * n, 0.2, -1.5, 0.003, 0.0, -0.002)
 
     with SimulatedNetBox(wrench, 2000.0, lose=lambda n: n in (350, 351), first=100) as box:
-        session = Session(BenchSettings(force=force(box, block=50)).instruments())
+        session = Session(instruments(BenchSettings(force=force(box, block=50))))
         identity = session.open()["force"]
         assert identity.name == "Simulated Net F/T"
         assert identity.details["torque_unit"] == "N-mm"
@@ -102,7 +103,7 @@ def test_lost_and_overloaded_samples_are_in_the_blocks(netft):
     with SimulatedNetBox(
         rate=1000.0, lose=lambda n: n % 100 == 60, status=lambda n: 0x80020000 * (n % 500 == 0)
     ) as box:
-        session = Session(BenchSettings(force=force(box, 1000.0, block=50)).instruments())
+        session = Session(instruments(BenchSettings(force=force(box, 1000.0, block=50))))
         session.open()
         session.start()
         blocks = decoded(gather(session, 24))
@@ -124,7 +125,7 @@ def test_lost_and_overloaded_samples_are_in_the_blocks(netft):
 
 def test_the_count_of_the_net_box_may_wrap(netft):
     with SimulatedNetBox(rate=1000.0, first=(1 << 32) - 400) as box:
-        session = Session(BenchSettings(force=force(box, 1000.0, block=100)).instruments())
+        session = Session(instruments(BenchSettings(force=force(box, 1000.0, block=100))))
         session.open()
         session.start()
         blocks = decoded(gather(session, 7))
@@ -137,7 +138,7 @@ def test_the_count_of_the_net_box_may_wrap(netft):
 
 def test_unplugging_is_an_error_that_names_the_sensor(netft):
     with SimulatedNetBox(rate=1000.0) as box:
-        session = Session(BenchSettings(force=force(box, 1000.0, stall=0.4)).instruments())
+        session = Session(instruments(BenchSettings(force=force(box, 1000.0, stall=0.4))))
         session.open()
         session.start()
         gather(session, 2)
@@ -157,7 +158,7 @@ def test_unplugging_is_an_error_that_names_the_sensor(netft):
 def test_nobody_at_the_address_is_an_error(netft):
     settings = NetFtSettings(host="127.0.0.1", rdt_port=1, http_port=1)
     with pytest.raises(InstrumentError, match=r"force: 127\.0\.0\.1 (is not reached|sends no samples)"):
-        Session(BenchSettings(force=settings).instruments()).open()
+        Session(instruments(BenchSettings(force=settings))).open()
 
 
 def test_late_datagrams_do_not_move_the_clock_of_the_samples():
@@ -176,7 +177,7 @@ def test_late_datagrams_do_not_move_the_clock_of_the_samples():
 def test_oscilloscope_over_a_socket_with_binary_waveforms():
     with SimulatedScpi() as scope:
         settings = OscilloscopeSettings(resource=scope.resource, identify="Scope")
-        session = Session(BenchSettings(oscilloscope=settings).instruments())
+        session = Session(instruments(BenchSettings(oscilloscope=settings)))
         assert session.open()["oscilloscope"].name == "Simulated,Scope,0,1.0"
         session.start()
         blocks = decoded(gather(session, 3))
@@ -198,7 +199,7 @@ def test_oscilloscope_and_tunnel_of_the_simulated_visa_library():
         waveform=":WAV:DATA? CHAN{channel}", data_format="ascii",
     )  # fmt: skip
     tunnel = TunnelSettings(resource="ASRL1::INSTR", backend=VISA, rate=50.0, identify="Tunnel", gain=2.0)
-    session = Session(BenchSettings(oscilloscope=scope, tunnel=tunnel).instruments())
+    session = Session(instruments(BenchSettings(oscilloscope=scope, tunnel=tunnel)))
     identities = session.open()
     assert identities["tunnel"].name == "Simulated,Tunnel,0,1.0"
     session.start()
@@ -222,17 +223,17 @@ def test_another_instrument_at_the_address_is_refused():
     with pytest.raises(
         InstrumentError, match="tunnel: ASRL1::INSTR is 'Simulated,Tunnel,0,1.0', expected 'Pitot'"
     ):
-        Session(BenchSettings(tunnel=settings).instruments()).open()
+        Session(instruments(BenchSettings(tunnel=settings))).open()
     nobody = TunnelSettings(resource="TCPIP::127.0.0.1::1::SOCKET")
     with pytest.raises(InstrumentError, match=r"tunnel: TCPIP::127\.0\.0\.1::1::SOCKET"):
-        Session(BenchSettings(tunnel=nobody).instruments()).open()
+        Session(instruments(BenchSettings(tunnel=nobody))).open()
 
 
 def test_a_tunnel_that_stutters_and_one_that_is_cut():
     answers = iter(["3.4", "nonsense", "", "3.6 m/s", "nan"] + ["3.5"] * 1000)
     with SimulatedScpi(speed=lambda t: next(answers), identity=TUNNEL) as sensor:
         settings = TunnelSettings(resource=sensor.resource, rate=100.0)
-        session = Session(BenchSettings(tunnel=settings).instruments())
+        session = Session(instruments(BenchSettings(tunnel=settings)))
         session.open()
         session.start()
         speeds = [m.twist.twist.linear.x for m in decoded(gather(session, 4))]
@@ -319,10 +320,10 @@ def test_a_bench_is_read_from_yaml_and_wrong_ones_say_what_is_allowed(tmp_path):
     with pytest.raises(InputError, match=r"bench\.yaml: unknown key 'force\.speed'"):
         load_bench(path)
     with pytest.raises(InputError, match="no instrument on the bench"):
-        BenchSettings().instruments()
+        instruments(BenchSettings())
     both = BenchSettings(camera=CameraSettings(folder="a", stream="0"))
     with pytest.raises(InputError, match="folder and stream"):
-        both.instruments()
+        instruments(both)
 
 
 def test_everything_is_recorded_with_its_identity_and_read_again(tmp_path):
