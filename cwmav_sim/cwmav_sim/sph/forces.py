@@ -287,6 +287,8 @@ def walled_pass(
                         wall_buf[channel],
                         wall_begin[channel],
                     )
+                    if wall_begin[channel, z1 - z0 + 2 * REACH] == 0:  # none of its elements around here
+                        continue
                     if reactions is not None:
                         reaction[channel, :, :] = 0.0
                     for sides, target in ((element_signed, wall_s), (element_inside, wall_d)):
