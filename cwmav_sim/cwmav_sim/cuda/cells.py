@@ -130,7 +130,7 @@ def place_of(number, integers):
     """Return the indices of a cell in x, y and z."""
     cx = number % integers[NX]
     rest = number // integers[NX]
-    return cx, rest % integers[NY], rest // integers[NY]
+    return np.int32(cx), np.int32(rest % integers[NY]), np.int32(rest // integers[NY])
 
 
 @cuda.jit

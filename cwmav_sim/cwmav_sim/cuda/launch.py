@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ from numpy.typing import DTypeLike, NDArray
 # Threads of a block; sums over blocks, and so the last bits of results, depend on it. The simulator starts a
 # thread of the operating system for each.
 THREADS = 16 if config.ENABLE_CUDASIM else 128
+
+# Running totals end in a single block, and small cases never fill a card.
+warnings.filterwarnings("ignore", message="Grid size .* under-utilization")
 
 CardArray = Any  # an array in the memory of the card
 

@@ -163,7 +163,7 @@ def _nearest(x, y, z, column_a, place, base_cell, image, probes, probe_column, s
     zero, one = reach[ZERO], reach[ONE]
     best_x = best_y = best_z = best_sign = zero
     best = reach[CELL_X] * reach[COLUMNS] * reach[COLUMNS] + one
-    found = -1
+    found = np.int32(-1)
     shift_z = reach[MINUS_TWO]
     for dz in range(-REACH, REACH + 1):
         shift_y = reach[MINUS_TWO] if reach_y > 0 else zero
@@ -180,7 +180,8 @@ def _nearest(x, y, z, column_a, place, base_cell, image, probes, probe_column, s
                         dz_ = z - shift_z * reach[CELL_Z] - probes[2, j]
                         r2 = dx * dx + dy_ * dy_ + dz_ * dz_
                         if r2 < best:
-                            best, best_x, best_y, best_z, best_sign, found = r2, dx, dy_, dz_, sign, j
+                            best, best_x, best_y, best_z, best_sign = r2, dx, dy_, dz_, sign
+                            found = np.int32(j)
                     column -= reach[COLUMNS]
             shift_y += one
         shift_z += one

@@ -50,7 +50,7 @@ def row(integers, cy, cz, dy, dz):
         kz += nz
     elif kz >= nz:
         kz -= nz
-    return (kz * ny + ky) * nx, sign
+    return np.int32((kz * ny + ky) * nx), np.int32(sign)
 
 
 @cuda.jit(device=True)
@@ -76,11 +76,11 @@ def extent(reach, x, y, z, shift_y, shift_z):
     gap_z = max(abs(shift_z * reach[CELL_Z] - z) - half * reach[CELL_Z], zero)
     rest = reach[SUPPORT2] - gap_y * gap_y - gap_z * gap_z
     if rest <= zero:
-        return 1, 0
+        return np.int32(1), np.int32(0)
     width = math.sqrt(rest)
     first = np.int32(math.floor((x - width) * reach[PER_CELL_X] + half))
     last = np.int32(math.floor((x + width) * reach[PER_CELL_X] + half))
-    return max(first, -REACH), min(last, REACH)
+    return np.int32(max(first, -REACH)), np.int32(min(last, REACH))
 
 
 @cuda.jit(device=True)
@@ -92,5 +92,5 @@ def run(start, base, nx, low, high, lap):
     first = max(low, lap * nx)
     last = min(high, lap * nx + nx - 1)
     if first > last:
-        return 0, 0
-    return start[base + first - lap * nx], start[base + last - lap * nx + 1]
+        return np.uint32(0), np.uint32(0)
+    return np.uint32(start[base + first - lap * nx]), np.uint32(start[base + last - lap * nx + 1])

@@ -134,6 +134,16 @@ def test_undefined_flow_is_a_failure_of_work(monkeypatch, case):
         running.simulate(case)
 
 
+def test_a_run_on_a_card_says_so_and_keeps_its_address(monkeypatch, fake_flow, case):
+    monkeypatch.setattr("cwmav_sim.cuda.device.find_card", lambda: Card("Some Card", ""))
+    monkeypatch.setattr("cwmav_sim.cuda.solver.CudaSolver", FakeFlow)
+    monkeypatch.setattr(devices, "Solver", None)
+    result = running.simulate(case, device="cuda")
+    assert (result.device, result.details["cost"]["card"]) == ("cuda", "Some Card")
+    assert result.address == case.address()
+    assert ", cuda, " in result.source()
+
+
 @pytest.mark.parametrize(
     ("device", "message"), [("cuda", "missing: .*; allowed here: cpu"), ("tpu", "'tpu' is unknown")]
 )

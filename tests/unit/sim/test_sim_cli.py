@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cwmav_sim import cli, devices
+from cwmav_sim.benchmark import CardFigures
 from cwmav_sim.cuda.device import Card
 from cwmav_sim.verification import catalogue
 from cwmav_sim.verification.protocol import Check
@@ -231,3 +232,15 @@ def test_verify_refuses_a_damaged_record(call, monkeypatch, tmp_path):
     status, _, err = call("verify", "stub", "--record", str(tmp_path))
     assert status == 2
     assert "verification.json" in err
+
+
+def test_bench_of_a_card_prints_its_rate(call, monkeypatch):
+    figures = CardFigures("Some Card", 2_100_000, 10, 0.14, 164.0, {"card": 1.0})
+    asked = []
+    monkeypatch.setattr("cwmav_sim.cuda.device.find_card", lambda: Card("Some Card", ""))
+    monkeypatch.setattr("cwmav_sim.benchmark.measure_card", lambda n: asked.append(n) or figures)
+    status, out, _ = call("bench", "--device", "cuda", "--json")
+    assert (status, asked) == (0, [2_100_000])
+    content = json.loads(out)
+    assert content["particle_steps_per_s"] == pytest.approx(150e6)
+    assert (content["card"], content["aim_particle_steps_per_s"]) == ("Some Card", 150e6)
