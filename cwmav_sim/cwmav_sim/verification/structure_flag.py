@@ -98,6 +98,7 @@ class FlagSwinging:
     across: int = 1
     step: float = 0.01
     duration: float = 3.0
+    modulus: float = MODULUS
 
     def run(self) -> list[Check]:
         """Run the case and compare."""
@@ -114,7 +115,7 @@ class FlagSwinging:
 
     def history(self) -> tuple[FloatArray, FloatArray]:
         """Return times (s,) [s] and tip displacements (s, 2) [mm]."""
-        body = flag(self.along, self.across)
+        body = flag(self.along, self.across, modulus=self.modulus)
         settings = Integration(spectral_radius=0.95, longest_step=self.step)
         integrator = Integrator(body.system, settings, body.x, NO_BODIES, load=body.load)
         t = self.step * np.arange(1, round(self.duration / self.step) + 1, dtype=np.float64)
