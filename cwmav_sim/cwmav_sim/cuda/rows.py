@@ -80,7 +80,8 @@ def extent(reach, x, y, z, shift_y, shift_z):
     width = math.sqrt(rest)
     first = np.int32(math.floor((x - width) * reach[PER_CELL_X] + half))
     last = np.int32(math.floor((x + width) * reach[PER_CELL_X] + half))
-    return np.int32(max(first, -REACH)), np.int32(min(last, REACH))
+    low, high = np.int32(-REACH), np.int32(REACH)
+    return (low if first < low else first), (high if last > high else last)
 
 
 @cuda.jit(device=True)
