@@ -154,7 +154,8 @@ def test_threads(benchmarks, programs, box, threads, count):
     ours = measure(other.particles, seconds=8.0)
     assert ours.particles == pytest.approx(other.particles, rel=0.03)
     neighbours = 1e9 * other.gigapairs / (2 * STEPS * other.particles)
-    assert neighbours == pytest.approx(ours.neighbours, rel=0.15)  # the walls' particles have fewer
+    # The walls' particles have fewer, and of a lattice 30 neighbours lie exactly at the rim, 2 h = 3 dp.
+    assert neighbours == pytest.approx(ours.neighbours, rel=0.25)
     pairs = 1e-6 * ours.pair_interactions_per_s * ours.seconds
     steps = 1e-6 * ours.particles * ours.steps
     other_pairs, other_steps = 1e3 * other.gigapairs, 1e-6 * other.particles * STEPS
