@@ -76,12 +76,13 @@ class ClapAndFling:
     def run(self) -> list[Check]:
         """Run the case and compare."""
         one, two = _lifts(self, 1), _lifts(self, 2)
-        rotation = 100.0 * (two[0] / one[0] - 1.0)
+        # One wing alone lifts next to nothing while it rotates, so that gain is taken over its translation.
+        rotation = 100.0 * (two[0] - one[0]) / one[2]
         start = 100.0 * (two[1] / one[1] - 1.0)
         translation = 100.0 * (two[2] / one[2] - 1.0)
         balance = two[3]
         checks = [
-            _above(self.name, "gain of lift in rotation [%]", rotation, 0.0),
+            _above(self.name, "gain in rotation over one wing's lift in translation [%]", rotation, 0.0),
         ]
         if self.reynolds <= 32:
             checks += [
