@@ -11,18 +11,21 @@ from numpy.typing import NDArray
 from cwmav_common.errors import InputError
 from cwmav_sim.solver import Solver, StepInfo
 from cwmav_sim.sph.settings import FlowSettings
-from cwmav_sim.sph.sheet import Motion, Nodes
+from cwmav_sim.sph.sheet import Motion
 from cwmav_sim.sph.timers import Timers
+from cwmav_sim.views import ParticleView
 
 FloatArray = NDArray[np.float64]
 
 DEVICES = ("cpu", "cuda")
 
 
-class AirSolver(Protocol):
-    """What a run needs of a solver, whatever it computes on; see :class:`cwmav_sim.solver.Solver`."""
+class AirSolver(ParticleView, Protocol):
+    """What a run needs of a solver, whatever it computes on; see :class:`cwmav_sim.solver.Solver`.
 
-    time: float
+    Its arrays are not to be written to.
+    """
+
     steps: int
     crossings: int
     sound_speed: float
@@ -42,33 +45,8 @@ class AirSolver(Protocol):
         ...
 
     @property
-    def position(self) -> FloatArray:
-        """Positions [m], shape (n, 3); not to be written to."""
-        ...
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities [m/s], shape (n, 3); not to be written to."""
-        ...
-
-    @property
-    def density(self) -> FloatArray:
-        """Densities [kg/m3], shape (n,); not to be written to."""
-        ...
-
-    @property
-    def pressure(self) -> FloatArray:
-        """Pressures, background included [Pa], shape (n,)."""
-        ...
-
-    @property
     def identity(self) -> NDArray[np.int64]:
         """Numbers of the particles, in their present order, shape (n,)."""
-        ...
-
-    @property
-    def sheet(self) -> Nodes | None:
-        """Nodes of the walls at the time reached."""
         ...
 
     def set_pressure(self, pressure: FloatArray) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
@@ -19,38 +19,8 @@ from cwmav_sim.gauges import History
 from cwmav_sim.phases import draw_phases, phase_averages, write_phases
 from cwmav_sim.result import LiftResult, describe_point
 from cwmav_sim.sph.sheet import Nodes
-from cwmav_sim.wing.sheet import FloatArray, SheetMotion
-
-
-class ParticleView(Protocol):
-    """What a snapshot reads from a solver; arrays of n particles."""
-
-    time: float
-
-    @property
-    def position(self) -> FloatArray:
-        """Positions [m], shape (n, 3)."""
-        ...
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities [m/s], shape (n, 3)."""
-        ...
-
-    @property
-    def density(self) -> FloatArray:
-        """Densities [kg/m3], shape (n,)."""
-        ...
-
-    @property
-    def pressure(self) -> FloatArray:
-        """Pressures [Pa], shape (n,)."""
-        ...
-
-    @property
-    def sheet(self) -> Nodes | None:
-        """Nodes of the wings at this instant."""
-        ...
+from cwmav_sim.views import ParticleView
+from cwmav_sim.wing.sheet import SheetMotion
 
 
 def write_run(folder: Path, case: Case, result: LiftResult) -> None:

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from cwmav_sim.case import Case
-from cwmav_sim.export import ParticleView
 from cwmav_sim.gauges import History, phase_bins
 from cwmav_sim.result import LiftResult, describe_point
+from cwmav_sim.views import ParticleView
 from cwmav_sim.wing.sheet import FloatArray, SheetMotion
 
 _SPAN_SHARE = 0.6  # the slice cuts the wings at this share of their length

@@ -197,6 +197,32 @@ def _distances(dx, dy, dz, j, sign, probes):
     return signed, inside, nx, ny, nz
 
 
+@cuda.jit(device=True, fastmath=True)
+def _measure(points, column, i, place, c, panels, cells, probes, probe_column, start, integers, reach):
+    """Return whether wall or image ``c`` is in reach of a point, its distances from it, and the normal."""
+    image = 1 if c < panels else -1
+    panel = c if c < panels else c - panels
+    dx, dy, dz, j, sign = _nearest(
+        points[0, i],
+        points[1, i],
+        points[2, i],
+        column[i],
+        place,
+        panel * cells,
+        image,
+        probes,
+        probe_column,
+        start,
+        integers,
+        reach,
+    )
+    zero = reach[ZERO]
+    if j < 0:
+        return False, zero, zero, zero, zero, zero
+    s, d, nx, ny, nz = _distances(dx, dy, dz, j, sign, probes)
+    return True, s, d, nx, ny, nz
+
+
 @cuda.jit(fastmath=True)
 def _locate_particles(
     fluid,
@@ -222,24 +248,10 @@ def _locate_particles(
     place = place_of(cell_of[i], integers)
     panels = own.shape[0]
     for c in range(signed.shape[0]):
-        panel = c if c < panels else c - panels
-        image = 1 if c < panels else -1
-        dx, dy, dz, j, sign = _nearest(
-            fluid[0, i],
-            fluid[1, i],
-            fluid[2, i],
-            column[i],
-            place,
-            panel * cells,
-            image,
-            probes,
-            probe_column,
-            start,
-            integers,
-            reach,
+        there, s, d, nx, ny, nz = _measure(
+            fluid, column, i, place, c, panels, cells, probes, probe_column, start, integers, reach
         )
-        if j >= 0:
-            s, d, nx, ny, nz = _distances(dx, dy, dz, j, sign, probes)
+        if there:
             signed[c, i] = s
             inside[c, i] = d
             if c < panels:
@@ -272,25 +284,10 @@ def _locate_elements(
         return
     place = place_of(cell_of[e], integers)
     for c in range(signed.shape[0]):
-        signed[c, e] = 0.0
-        inside[c, e] = 0.0
         if c == of_panel[e]:
-            continue
-        panel = c if c < panels else c - panels
-        image = 1 if c < panels else -1
-        dx, dy, dz, j, sign = _nearest(
-            elements[0, e],
-            elements[1, e],
-            elements[2, e],
-            column[e],
-            place,
-            panel * cells,
-            image,
-            probes,
-            probe_column,
-            start,
-            integers,
-            reach,
-        )
-        if j >= 0:
-            signed[c, e], inside[c, e], _, _, _ = _distances(dx, dy, dz, j, sign, probes)
+            signed[c, e] = 0.0
+            inside[c, e] = 0.0
+        else:
+            _, signed[c, e], inside[c, e], _, _, _ = _measure(
+                elements, column, e, place, c, panels, cells, probes, probe_column, start, integers, reach
+            )

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_sim.case import Case
-from cwmav_sim.export import ParticleView
 from cwmav_sim.result import LiftResult
 from cwmav_sim.run import simulate
 from cwmav_sim.store import ResultStore
+from cwmav_sim.views import ParticleView
 
 
 class Channel(Protocol):
