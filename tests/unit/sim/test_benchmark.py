@@ -38,4 +38,6 @@ def test_measured_figures_account_for_the_time_and_the_memory():
     figures = measure(2000, seconds=0.2)
     assert 0.5 < sum(figures.shares.values()) <= 1.0
     assert 9 * 8 < figures.bytes_per_particle < 20_000  # at least the state itself
-    assert 0.0 < figures.pair_gflops < figures.limits.gflops
+    # No time against another time: a machine that serves others may be slow in one of the two measurements.
+    assert figures.pair_gflops > 0.0
+    assert min(figures.limits.gflops, figures.limits.bandwidth) > 0.0
