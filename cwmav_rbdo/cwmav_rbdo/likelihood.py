@@ -36,6 +36,8 @@ VARIANCE_BOUNDS = (1e-6, 1e4)
 NUGGET_BOUNDS = (1e-12, 1.0)
 
 SCREENING_PER_VARIABLE = 10
+_EPSILON = float(np.finfo(float).eps)
+_TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class Likelihood:
         parts = self._factor(p)
         if parts is None:
             return 1e10, np.zeros(len(p)), 0.0
-        pivot = float(np.min(parts.L[self._diagonal])) ** 2
+        pivot = float(parts.L[self._diagonal].min()) ** 2
         return parts.value, self._gradient(parts) / len(self.f), pivot
 
     def values(self, p: Array, terms: Sequence[int]) -> Array:
@@ -136,10 +138,11 @@ class Likelihood:
             return np.full(len(terms), np.inf)
         L, _, _, _, _ = factored
         # The orthogonal factor of more regressors begins with that of fewer.
-        triangle, _ = self._triangle(self._whitened(L))
+        triangle = self._triangle(self._whitened(L))
         squares = triangle[:, -1] ** 2
         _, variance, _ = self.unpack(p)
-        return np.array([self._value(L, float(squares[count:].sum()), variance) for count in terms])
+        log_det = self._log_det(L)
+        return np.array([self._value(log_det, float(squares[count:].sum()), variance) for count in terms])
 
     def _cholesky(self, p: Array) -> tuple[Array, Array, Array, float, Array] | None:
         """Factorise the correlation matrix; None where it is singular."""
@@ -155,7 +158,7 @@ class Likelihood:
                 return L, s, r, nugget, relative_noise
             if added >= LARGEST_NUGGET:
                 return None
-            more = max(9.0 * added, len(self.f) * np.finfo(float).eps)
+            more = max(9.0 * added, len(self.f) * _EPSILON)
             r[self._diagonal] += more
             added += more
 
@@ -163,18 +166,23 @@ class Likelihood:
         solved: Array = lapack.dtfsm(1.0, L, self._right, uplo="L")
         return solved
 
-    def _triangle(self, whitened: Array) -> tuple[Array, Array]:
-        """Triangular factor of the whitened regressors and response; the last column is the response."""
-        packed, _, _, _ = lapack.dgeqrf(whitened)
-        k = min(packed.shape)
-        return np.triu(packed[:k]), whitened
+    def _triangle(self, whitened: Array) -> Array:
+        """Triangular factor of the whitened regressors and response; the last column is the response.
 
-    def _value(self, L: Array, q: float, variance: float) -> float:
+        What stands below its diagonal is none of it.
+        """
+        packed, _, _, _ = lapack.dgeqrf(whitened)
+        triangle: Array = packed[: min(packed.shape)]
+        return triangle
+
+    def _log_det(self, L: Array) -> float:
+        return 2.0 * float(np.log(L[self._diagonal]).sum())
+
+    def _value(self, log_det: float, q: float, variance: float) -> float:
         n = len(self.f)
-        q = max(q, np.finfo(float).tiny)
+        q = max(q, _TINY)
         if not self.noisy:
             variance = q / n
-        log_det = 2.0 * float(np.sum(np.log(L[self._diagonal])))
         return float(0.5 * (n * np.log(2.0 * np.pi * variance) + log_det + q / variance) / n)
 
     def _factor(self, p: Array) -> _Parts | None:
@@ -184,11 +192,12 @@ class Likelihood:
             return None
         L, s, r, nugget, relative_noise = factored
         length, variance, _ = self.unpack(p)
-        triangle, whitened = self._triangle(self._whitened(L))
+        whitened = self._whitened(L)
+        triangle = self._triangle(whitened)
         v, _ = lapack.dtrtrs(triangle[:-1, :-1], triangle[:-1, -1])
         residual = whitened[:, -1] - whitened[:, :-1] @ v
-        q = max(float(residual @ residual), np.finfo(float).tiny)
-        value = self._value(L, q, variance)
+        q = max(float(residual @ residual), _TINY)
+        value = self._value(self._log_det(L), q, variance)
         if not self.noisy:
             variance = q / len(self.f)
         return _Parts(value, L, residual, s, r, length, variance, nugget, relative_noise)
