@@ -184,6 +184,9 @@ def reproduce(
     ] = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs that the counts are taken over.")] = 30,
+    keep: Annotated[
+        Path | None, typer.Option(help="Folder that keeps the runs of tables 5 to 7; none there is repeated.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Put the paper's tables beside ours, with every decision named."""
@@ -198,7 +201,7 @@ def reproduce(
     runs = None if simulate is None else Runs(simulate, preset, tuple(assignments or ()))
     if runs is not None:
         cases = simulate_rows(names, runs, lambda k, n, what: message(f"{k}/{n}  {what}"))
-    found = report.reproduce(names, cases, seed, seeds)
+    found = report.reproduce(names, cases, seed, seeds, keep)
     if runs is not None:
         found["runs"] = runs.describe()
     emit(found, as_json, report.lines(found))

@@ -22,7 +22,7 @@ from cwmav_common.errors import InputError
 from cwmav_common.settings import setting
 from cwmav_rbdo.dispatch import DispatchSettings
 from cwmav_rbdo.expressions import CONSTANTS, FUNCTIONS, Function, Rows, compile_function
-from cwmav_rbdo.marginals import DISTRIBUTIONS
+from cwmav_rbdo.marginals import DISTRIBUTIONS, copula_factor
 from cwmav_rbdo.window import WindowSettings
 from cwmav_rbdo.wing_problem import METHODS, DesignVariable, SurrogateSettings
 
@@ -234,13 +234,7 @@ def _check_names(problem: GeneralProblem) -> None:
             )
         if isinstance(variable.std, str):
             compile_function(variable.std, problem.names, f"random variable {variable.name}: std")
-    random_names = [v.name for v in problem.random]
-    for a, b, rho in problem.corr:
-        if a not in random_names or b not in random_names or a == b or not -1 < rho < 1:
-            raise InputError(
-                f"corr [{a}, {b}, {rho}]: expected two different random variables of "
-                f"{', '.join(random_names)} and a correlation between -1 and 1"
-            )
+    copula_factor([v.name for v in problem.random], problem.corr)
 
 
 def _check_shape(problem: GeneralProblem) -> None:

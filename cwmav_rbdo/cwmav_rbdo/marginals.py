@@ -49,7 +49,7 @@ def copula_factor(names: Sequence[str], corr: Sequence[tuple[str, str, float]]) 
     Raises
     ------
     InputError
-        A pair names an unknown variable, or the correlations contradict each other.
+        A pair names an unknown variable or is given twice, or the correlations contradict each other.
     """
     if not corr:
         return None
@@ -58,13 +58,17 @@ def copula_factor(names: Sequence[str], corr: Sequence[tuple[str, str, float]]) 
         if a not in names or b not in names or a == b or not -1.0 < rho < 1.0:
             raise InputError(
                 f"corr [{a}, {b}, {rho}]: expected two different random variables of "
-                f"{', '.join(names)} and a correlation between -1 and 1"
+                f"{', '.join(names)} and a correlation above -1 and below 1"
             )
-        C[names.index(a), names.index(b)] = C[names.index(b), names.index(a)] = rho
+        j, k = names.index(a), names.index(b)
+        if C[j, k] != 0.0:
+            raise InputError(f"corr [{a}, {b}, {rho}]: the correlation of the two is given twice")
+        C[j, k] = C[k, j] = rho
     try:
         return np.asarray(np.linalg.cholesky(C))
     except np.linalg.LinAlgError:
         least = np.linalg.eigvalsh(C)[0]
         raise InputError(
-            f"corr: the correlations contradict each other (least eigenvalue {least:.3g})"
+            f"corr: the correlations contradict each other, or leave a variable no freedom of its own (least "
+            f"eigenvalue {least:.3g}; it has to be above 0)"
         ) from None

@@ -49,9 +49,10 @@ def _summary(result: Result) -> Iterator[str]:
     else:
         yield f"optimum   {design}   objective {result.objective:.8g}"
         for c in result.constraints:
+            verdict = "NOT met" if not c.met else "met" if c.band.value >= c.target else "met to that error"
             yield (
                 f"          {c.name}: reliability {c.band.value:.6f} +- {c.band.std:.1e} "
-                f"(required {c.target:.6f}) {'met' if c.met else 'NOT met'}"
+                f"(required {c.target:.6f}) {verdict}"
             )
     outside = result.extra.get("outside_runs", 0)
     if outside:

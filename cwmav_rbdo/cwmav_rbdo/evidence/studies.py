@@ -28,7 +28,7 @@ from cwmav_rbdo.general.rbdo import refine
 from cwmav_rbdo.journal import Journal
 from cwmav_rbdo.loop import AcceleratedLoop
 from cwmav_rbdo.problem import load_problem
-from cwmav_rbdo.reproduction.study_tables import NOISE
+from cwmav_rbdo.reproduction.study_runs import NOISE
 from cwmav_rbdo.reproduction.surface import PaperSurface
 from cwmav_rbdo.swarm import SwarmSettings
 from cwmav_rbdo.window import WindowSettings

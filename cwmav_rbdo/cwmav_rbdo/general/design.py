@@ -230,8 +230,9 @@ class DesignSearch:
             value.append(least)
             slope.append(max(self._slope(k, u, d), 1e-12 * float(scale[k])))
             error.append(2.0 * CAUTION * float(std[0]))
-        in_betas = np.array(value) / np.array(slope)
-        uncertainty = np.array(error) / np.array(slope)
+        with np.errstate(over="ignore"):  # a constraint that never varies is infinitely far from its limit
+            in_betas = np.array(value) / np.array(slope)
+            uncertainty = np.array(error) / np.array(slope)
         fixed = self.problem.functions.design_constraints(self._named(d[None]))[0]
         missed = max(float(np.max(-in_betas)), float(np.max(-fixed, initial=0.0)))
         # A constraint also counts as active while its surrogate cannot exclude that it is.

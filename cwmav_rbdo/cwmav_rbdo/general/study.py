@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -73,10 +74,13 @@ def _rbdo(problem: GeneralProblem, oracle: Oracle, seed: int) -> Result:
     feasible = found.design.violation <= 0.0
     message = found.message
     if not feasible:
-        message = (
-            f"no design holds all constraints; this one misses by {found.design.violation:.2f} in "
-            f"the reliability index. {message}"
+        miss = found.design.violation
+        by = (
+            f"misses by {miss:.2f} in the reliability index"
+            if math.isfinite(miss)
+            else "fails whatever its scatter"
         )
+        message = f"no design holds all constraints; this one {by}. {message}"
     history = tuple(
         {
             "iteration": r.iteration,

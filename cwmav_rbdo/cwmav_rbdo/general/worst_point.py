@@ -10,6 +10,7 @@ from several starts at once.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,15 +45,17 @@ def worst_point(g: Function, beta: float, starts: Array, iterations: int = 30) -
     u = _on_sphere(starts, beta)
     value = g(u)
     step = np.ones(len(u))
+    target, moved = u, True
     for _ in range(iterations):
-        slope = _gradient(g, u)
-        size = np.linalg.norm(slope, axis=1, keepdims=True)
-        target = np.where(size > 0.0, -beta * slope / np.where(size > 0.0, size, 1.0), u)
-        if np.all((step < 1e-3) | (np.linalg.norm(target - u, axis=1) < 1e-4 * beta)):
+        if moved:  # else every slope is where it was
+            target = _steepest_on_sphere(g, u, beta)
+        way = target - u
+        if ((step < 1e-3) | (_length(way)[:, 0] < 1e-4 * beta)).all():
             break
-        tried = _on_sphere(u + step[:, None] * (target - u), beta)
+        tried = _on_sphere(u + step[:, None] * way, beta)
         tried_value = g(tried)
         better = tried_value < value
+        moved = bool(better.any())
         u = np.where(better[:, None], tried, u)
         value = np.where(better, tried_value, value)
         step = np.where(better, np.minimum(1.0, 2.0 * step), 0.4 * step)
@@ -71,13 +74,36 @@ def slope_at(g: Function, u: Array) -> float:
     return float(np.linalg.norm(_gradient(g, u[None])))
 
 
+def _length(u: Array) -> Array:
+    """Length of every row (n, m); (n, 1)."""
+    return np.asarray(np.sqrt(np.add.reduce(u * u, axis=1, keepdims=True)))
+
+
 def _on_sphere(u: Array, beta: float) -> Array:
-    size = np.linalg.norm(u, axis=1, keepdims=True)
+    size = _length(u)
+    if (size > 0.0).all():
+        return beta * (u / size)
     return beta * np.where(size > 0.0, u / np.where(size > 0.0, size, 1.0), np.eye(u.shape[1])[0])
+
+
+def _steepest_on_sphere(g: Function, u: Array, beta: float) -> Array:
+    """Point of the sphere in the direction in which `g` falls fastest at `u`; `u` itself where it is flat."""
+    slope = _gradient(g, u)
+    size = _length(slope)
+    if (size > 0.0).all():
+        return np.asarray(-beta * slope / size)
+    return np.where(size > 0.0, -beta * slope / np.where(size > 0.0, size, 1.0), u)
+
+
+@cache
+def _steps(m: int) -> Array:
+    """Give the steps up and down every axis, (2 m, m)."""
+    steps = _STEP * np.vstack([np.eye(m), -np.eye(m)])
+    steps.setflags(write=False)
+    return steps
 
 
 def _gradient(g: Function, u: Array) -> Array:
     n, m = u.shape
-    steps = _STEP * np.vstack([np.eye(m), -np.eye(m)])
-    values = g((u[:, None, :] + steps).reshape(n * 2 * m, m)).reshape(n, 2, m)
+    values = g((u[:, None, :] + _steps(m)).reshape(n * 2 * m, m)).reshape(n, 2, m)
     return (values[:, 0] - values[:, 1]) / (2.0 * _STEP)

@@ -31,8 +31,12 @@ def chosen(name: str) -> list[str]:
     return [name]
 
 
-def reproduce(names: Sequence[str], cases: Path | None, seed: int, seeds: int) -> dict[str, Any]:
+def reproduce(
+    names: Sequence[str], cases: Path | None, seed: int, seeds: int, folder: Path | None = None
+) -> dict[str, Any]:
     """Reproduce tables; for several of them the result holds a list under ``tables``.
+
+    The runs of tables 5 to 7 are kept in the folder and read from there.
 
     A table of lifts for which there is nothing to compare is an error when asked for alone, and noted among
     several.
@@ -42,7 +46,7 @@ def reproduce(names: Sequence[str], cases: Path | None, seed: int, seeds: int) -
     with progress(sum(seeds * _RUNS.get(name, 0) for name in names), "reproduce", "run") as bar:
         for name in names:
             try:
-                found.append(_one(name, lifts, seed, seeds, bar.update))
+                found.append(_one(name, lifts, seed, seeds, bar.update, folder))
             except InputError as error:
                 if len(names) == 1:
                     raise
@@ -68,6 +72,8 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
             difference = row.get("difference_percent")
             tail = f"   {difference:+.2f} %" if difference is not None else ""
             yield f"  {_cells(row['paper'])} | {_cells(row['ours'])}{tail}"
+            if "counts" in row:
+                yield f"    {row['model']}, {row['variables']} variables: {_cells(row['counts'])}"
         for key in ("optimum", "counts"):
             if key in table:
                 yield f"  {key}: {_cells(table[key])}"
@@ -75,14 +81,14 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
         yield from (f"  - {decision}" for decision in table["decisions"])
 
 
-def _one(name: str, lifts: Any, seed: int, seeds: int, on_run: Any) -> dict[str, Any]:
+def _one(name: str, lifts: Any, seed: int, seeds: int, on_run: Any, folder: Path | None) -> dict[str, Any]:
     if name == "table1":
         return reproduce_table1(lifts)
     if name == "table3":
         return reproduce_table3(lifts)
     if name == "table7":
-        return reproduce_comparison(seed, seeds, lambda: on_run(1))
-    return reproduce_history(name, seed, seeds, lambda: on_run(1))
+        return reproduce_comparison(seed, seeds, lambda: on_run(1), folder)
+    return reproduce_history(name, seed, seeds, lambda: on_run(1), folder)
 
 
 def _cells(values: Any) -> str:

@@ -8,8 +8,10 @@ from cwmav_rbdo.evaluators import FormulaEvaluator
 from cwmav_rbdo.general.variables import RandomSpace
 from cwmav_rbdo.general.worst_point import worst_point
 from cwmav_rbdo.problem import parse_problem
+from cwmav_rbdo.result import Band, Constraint, Result
 from cwmav_rbdo.run_folder import RunFolder
 from cwmav_rbdo.study import run_study
+from cwmav_rbdo.text import summary_lines
 
 YOUN_CHOI = {
     "id": "youn_choi",
@@ -76,6 +78,32 @@ def test_infeasible_problem_is_said_plainly_with_the_miss():
     assert not result.converged
     assert "no design holds all constraints; this one misses by" in result.message
     assert result.constraints[0].band.value < 1e-6
+
+
+def test_constraint_that_fails_everywhere_is_said_plainly():
+    task = YOUN_CHOI | {"constraints": ["0*x1 - 1"], "max_true_evaluations": 25}
+    result = run_study(parse_problem(task, "hopeless"), seed=0)
+    assert not result.feasible
+    assert "no design holds all constraints; this one fails whatever its scatter" in result.message
+    assert not result.constraints[0].met
+    assert result.constraints[0].band.value < 1e-6
+
+
+def test_optimum_on_its_limit_is_met_to_the_error_of_its_reliability():
+    def constraint(value):
+        return Constraint("g", Band(value, 4e-5, 0.0, 1.0, "monte_carlo"), 0.99865)
+
+    verdicts = {0.99866: True, 0.99860: True, 0.99856: False}
+    assert {value: constraint(value).met for value in verdicts} == verdicts
+    lines = [
+        line
+        for value in verdicts
+        for line in summary_lines(
+            Result("g", "rbdo", {}, {}, 1.0, 0.0, (constraint(value),), 1, 9, True, True, "", (), 0)
+        )
+        if "required" in line
+    ]
+    assert [line.partition(") ")[2] for line in lines] == ["met", "met to that error", "NOT met"]
 
 
 def test_same_seed_same_result_and_a_resumed_run_evaluates_only_what_is_missing(tmp_path, youn_choi):

@@ -116,6 +116,18 @@ def test_wrong_wing_study_names_file_value_and_what_is_allowed(change, text):
         ({"random": [{"name": "k", "mean": "z", "std": 1}]}, "mean 'z' is no number and no design variable"),
         ({"random": [{"name": "k", "mean": 1}]}, "exactly one of std and cov"),
         ({"corr": [["k", "q", 0.5]]}, "corr [k, q, 0.5]"),
+        ({"corr": [["k", "E", 1.0]]}, "a correlation above -1 and below 1"),
+        (
+            {"corr": [["k", "E", 0.5], ["E", "k", 0.4]]},
+            "corr [E, k, 0.4]: the correlation of the two is given",
+        ),
+        (
+            {
+                "random": [{"name": n, "mean": 1, "std": 1} for n in "kEx"],
+                "corr": [["k", "E", 0.6], ["k", "x", 0.8]],
+            },
+            "corr: the correlations contradict each other, or leave a variable no freedom of its own",
+        ),
         ({"constraints": []}, "kind 'rbdo' needs constraints"),
         ({"constraints": ["python:no_such_module:f"]}, "cannot be imported"),
         ({"constraints": ["python:math"]}, "expected python:package.module:function"),

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cwmav_common.errors import InputError
-from cwmav_rbdo.reproduction import report, study_tables, surface
+from cwmav_rbdo.reproduction import report, study_runs, study_tables, surface
 from cwmav_rbdo.reproduction.lift_tables import read_cases, reproduce_table1, reproduce_table3
 from cwmav_rbdo.reproduction.study_tables import reproduce_history
 from cwmav_rbdo.reproduction.tables import NAMES, paper_table
+from cwmav_rbdo.result import Result
 
 BOX = np.array([[4.0, -10.0, 0.0], [30.0, 60.0, 6.0]])
 
@@ -81,6 +84,59 @@ def test_table_5_lies_within_one_step_of_the_papers_lattice():
     assert first["paper"]["F_hz"] == 12.0882
     assert set(first["paper"]) <= set(first["ours"])
     assert any("headings of Tables 5 and 6 are exchanged" in d for d in found["decisions"])
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Studies that were run, as method, number of variables and seed; every optimum is the same design."""
+    done = []
+
+    def run(problem, evaluator, *, seed, noise):
+        done.append((problem.method, len(problem.names), seed))
+        design = dict(zip(("F", "AoA", "U"), (10.36, 21.5, 3.0 + seed), strict=True))
+        history = ({"lift_to_power": 0.13, "error_percent": math.nan},)
+        return Result(
+            "two", "lift_to_power", {n: design[n] for n in problem.names}, {}, 0.13, 0.001, (), 4 + seed, 18,
+            True, True, "", history, seed,
+        )  # fmt: skip
+
+    monkeypatch.setattr(study_runs, "run_study", run)
+    return done
+
+
+def test_table_7_says_for_every_row_how_far_its_optimum_is_and_why(asked):
+    found = study_tables.reproduce_comparison(seed=0, seeds=2, on_run=lambda: None)
+    assert asked == [(m, d, s) for m in ("classical", "zhang2026") for d in (2, 3) for s in (0, 1)]
+    rows = {(row["model"], row["variables"]): row for row in found["rows"]}
+    assert rows["accelerated", 2]["counts"]["within_one_grid_step"] == 2
+    assert rows["accelerated", 3]["counts"]["within_one_grid_step"] == 0
+    assert rows["accelerated", 3]["grid_steps_apart"]["U"] == pytest.approx((3.0 - 4.1772) / 0.08)
+    reasons = [d for d in found["decisions"] if "more than one step of the paper's lattice" in d]
+    assert [r.partition(":")[0] for r in reasons] == ["classical, 3 variables", "accelerated, 3 variables"]
+    text = "\n".join(report.lines(found))
+    assert "accelerated, 2 variables: seeds 2, converged 2" in text
+    assert "U 4.1772 m/s of the three-variable optimum: the conclusions print 4.7722" in text
+
+
+def test_kept_runs_are_not_repeated(asked, tmp_path):
+    first = report.reproduce(["table7"], None, 0, 2, tmp_path)
+    assert len(asked) == 8
+    assert len(list(tmp_path.glob("*.json"))) == 8
+    again = report.reproduce(["table7"], None, 0, 3, tmp_path)
+    assert asked[8:] == [(m, d, 2) for m in ("classical", "zhang2026") for d in (2, 3)]
+    assert [r["ours"] for r in again["rows"]] == [r["ours"] for r in first["rows"]]
+    problem = study_tables._problem("two_variables")
+    (fresh,) = study_runs.study_runs(problem, 0, 1, lambda: None)
+    (kept,) = study_runs.study_runs(problem, 0, 1, lambda: None, tmp_path)
+    assert repr(kept.history[0]) == repr(fresh.history[0])
+    assert len(asked) == 13  # the fresh one alone
+    other = replace(problem, initial_samples=7)
+    study_runs.study_runs(other, 0, 1, lambda: None, tmp_path)
+    assert len(asked) == 14
+    broken = sorted(tmp_path.glob("*.json"))[0]
+    broken.write_text("{}")
+    with pytest.raises(InputError, match="is no run of this study; delete it"):
+        report.reproduce(["table7"], None, 0, 3, tmp_path)
 
 
 CASES = "F_hz,U_m_s,AoA_deg,mean_lift_n,lift_std_n,dp_m,preset\n"
