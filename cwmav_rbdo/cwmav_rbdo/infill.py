@@ -79,7 +79,7 @@ def new_samples(state: State) -> tuple[list[Candidate], float]:
     Returns
     -------
     candidates : list
-        Without those that are samples already or proposed twice.
+        Without those that could tell nothing new or are proposed twice.
     promise : float
         Largest expected improvement the rule saw; NaN where it looked for none.
     """
@@ -90,7 +90,7 @@ def new_samples(state: State) -> tuple[list[Candidate], float]:
     for candidate in proposed:
         x = np.clip(candidate.x, problem.lower, problem.upper)
         near = [c for c in kept if np.all(np.abs(x - c.x) <= apart * (problem.upper - problem.lower))]
-        if not near and not state.samples.hold(x):
+        if not near and not _known(state, state.surface, x):
             kept.append(Candidate(x, candidate.reason, candidate.promise))
     promises = [c.promise for c in proposed if np.isfinite(c.promise)]
     return kept, max(promises, default=float("nan"))
@@ -117,8 +117,10 @@ def default(state: State) -> list[Candidate]:
     best and a sample says nothing about the optimum. Expected improvement looks far away too, but only where
     the optimum could be (Jones, Schonlau and Welch 1998, J. Global Optim. 13:455). Near the optimum the error
     counts by the density of the scatter there, blurred by the window, which says how far the optimum may
-    still move. Every point of a round is chosen as if the ones before had been answered as predicted; where
-    points are evaluated one by one, a round has one, because the next is chosen better when it is answered.
+    still move. Beside a sample whose own error is larger than that of the surface no other is taken: its
+    answer would carry the same error again. Every point of a round is chosen as if the ones before had been
+    answered as predicted; where points are evaluated one by one, a round has one, because the next is chosen
+    better when it is answered.
     """
     surface, promise = deepcopy(state.surface), _promising(state, state.surface).promise
     found: list[Candidate] = []
@@ -127,7 +129,7 @@ def default(state: State) -> list[Candidate]:
         if (state.iteration * state.count + k) % 2:
             turns.reverse()
         candidate = turns[0](state, surface)
-        if state.samples.hold(candidate.x):
+        if _known(state, surface, candidate.x):
             candidate = turns[1](state, surface)
         found.append(candidate)
         surface.believe(candidate.x[None])
@@ -156,6 +158,16 @@ def largest_mse(
     """Point (d,) of the largest Kriging mean square error (Eq. 20) in a box, and that error."""
     found = swarm_of(problem.optimiser, problem.swarm).minimise(lambda X: -surface.mse(X), lower, upper, rng)
     return found.x, -found.f
+
+
+def _known(state: State, surface: RatioSurrogate, x: Array) -> bool:
+    """Whether an evaluation at `x` could tell nothing new."""
+    if state.samples.hold(x):
+        return True
+    beside = state.samples.response_at(x, _APART)
+    if beside is None or state.problem.method in FIXED_SIZE:
+        return False
+    return bool(surface.predict(x[None])[1][0] < beside.lift_to_power_std)
 
 
 def _promising(state: State, surface: RatioSurrogate) -> Candidate:

@@ -170,11 +170,11 @@ class AcceleratedLoop:
             )
         )
         if verdict.converged:
-            self.message = "CC1, CC2 and the reliability requirement hold" + (
-                ", also at the low end of its band, and no improvement is to be expected"
-                if self._strict
-                else ""
-            )
+            limited = self.goal.constrained
+            self.message = "CC1, CC2 and the reliability requirement hold" if limited else "CC1 and CC2 hold"
+            if self._strict:
+                self.message += ", also at the low end of its band," if limited else ""
+                self.message += " and no improvement is to be expected"
 
     def _agrees(self, optimum: Optimum) -> bool:
         """Whether also the low end of the band holds the requirement, to a tenth of the allowed failures.
@@ -187,7 +187,12 @@ class AcceleratedLoop:
     def _spent(self, proposed: int) -> bool:
         problem = self.problem
         if proposed == 0:
-            self.message = "stopped without convergence: every point the method asks for is a sample already"
+            row = self.iterations[-1]
+            self.message = (
+                "stopped without convergence: no point is left that could tell more; the samples leave L/P "
+                f"uncertain by {row.prediction_std:.2g} N/W and the reliability between "
+                f"{row.reliability.low:.4f} and {row.reliability.high:.4f}"
+            )
         elif len(self.iterations) > problem.max_iterations:
             self.message = f"stopped after max_iterations {problem.max_iterations} without convergence"
         elif len(self.samples) + proposed + 1 > problem.max_true_evaluations:

@@ -43,11 +43,11 @@ class Samples:
         """Whether `x` is already a sample."""
         return self.response_at(x) is not None
 
-    def response_at(self, x: Array) -> Evaluation | None:
-        """Give the evaluation at `x`, if it is a sample."""
+    def response_at(self, x: Array, apart: float = _SAME) -> Evaluation | None:
+        """Give the nearest evaluation that is no farther from `x` than a share of the ranges."""
         distances = np.max(np.abs(self.X - x) / self._range, axis=1) if self._points else np.array([np.inf])
         nearest = int(np.argmin(distances))
-        return self._evaluations[nearest] if distances[nearest] <= _SAME else None
+        return self._evaluations[nearest] if distances[nearest] <= apart else None
 
     @property
     def X(self) -> Array:  # noqa: N802 - the name of the field

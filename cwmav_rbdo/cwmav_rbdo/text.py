@@ -46,7 +46,7 @@ def _summary(result: Result) -> Iterator[str]:
             f"L/P {result.extra['lift_to_power']:.4f} +- {result.extra['lift_to_power_std']:.4f} N/W   "
             f"reliability {band.value:.4f} [{band.low:.4f}, {band.high:.4f}]"
         )
-    else:
+    elif result.design:
         yield f"optimum   {design}   objective {result.objective:.8g}"
         for c in result.constraints:
             verdict = "NOT met" if not c.met else "met" if c.band.value >= c.target else "met to that error"

@@ -99,7 +99,7 @@ def test_optimum_on_its_limit_is_met_to_the_error_of_its_reliability():
         line
         for value in verdicts
         for line in summary_lines(
-            Result("g", "rbdo", {}, {}, 1.0, 0.0, (constraint(value),), 1, 9, True, True, "", (), 0)
+            Result("g", "rbdo", {"d": 2.0}, {}, 1.0, 0.0, (constraint(value),), 1, 9, True, True, "", (), 0)
         )
         if "required" in line
     ]
@@ -136,6 +136,12 @@ def test_failure_probability_of_a_linear_limit_state_is_exact():
     assert values["pf"] == pytest.approx(ndtr(-3.0), rel=0.05)
     assert abs(values["beta"] - 3.0) < 0.02
     assert values["true_evaluations"] < 60
+
+
+def test_summary_of_a_failure_probability_names_no_design():
+    result = run_study(parse_problem(LINEAR, "linear"), seed=1)
+    (line,) = summary_lines(result)
+    assert line.startswith("status    failure probability 0.0013")
 
 
 def test_several_constraints_of_a_reliability_problem_are_a_series_system():

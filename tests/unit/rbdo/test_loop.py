@@ -155,6 +155,26 @@ def test_budget_ends_the_loop_and_says_so():
     assert "max_true_evaluations 9" in loop.result().message
 
 
+def test_uncertain_answers_are_not_asked_for_again_beside_themselves():
+    def uncertain(point):
+        found = evaluate(point)
+        return replace(found, lift_std=0.05 * found.lift)
+
+    problem = small_problem(method="default", max_true_evaluations=80)
+    loop, asked = solve(problem, seed=1, answer=uncertain)
+    result = loop.result()
+    assert not result.converged
+    assert "no point is left that could tell more; the samples leave L/P uncertain by 0.00" in result.message
+    assert len(asked) < 60
+    infill = [r.x for r in asked if r.reason.startswith("largest")]
+    spans = [
+        np.max(np.abs(x - y) / (problem.upper - problem.lower))
+        for k, x in enumerate(infill)
+        for y in infill[:k]
+    ]
+    assert min(spans) > 1e-3
+
+
 def test_unknown_request_is_refused():
     loop = AcceleratedLoop(small_problem(), NOISE, np.random.default_rng(0))
     loop.ask()
