@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numba
 
-from cwmav_sim.fingerprint import coupled_fingerprint
+from cwmav_sim.fingerprint import kernel_hash
 
 __version__ = "0.1.0"
 
 _ROOT = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__")
-numba.config.CACHE_DIR = str(_ROOT / f"kernels-{coupled_fingerprint()}")
+numba.config.CACHE_DIR = str(_ROOT / f"kernels-{kernel_hash()}")

@@ -28,11 +28,11 @@ from cwmav_sim.sph.timestep import stable_step
 FloatArray = NDArray[np.float64]
 
 # Storage follows space again after this many steps, so that neighbours lie near each other in memory.
-_REORDER_EVERY = 50
+REORDER_EVERY = 50
 
 # What a saved state holds besides the particles.
 _SIDES = ("signed", "inside", "normal")
-_TALLIES = (
+TALLIES = (
     "time",
     "steps",
     "crossings",
@@ -132,7 +132,7 @@ class Solver:
             When the flow blows up.
         """
         dt = self._dt
-        if self.steps % _REORDER_EVERY == 0:
+        if self.steps % REORDER_EVERY == 0:
             self._reorder()
         rates, crossed = self._rates_on_own_side(dt)
         self._foresee(rates, dt)
@@ -298,7 +298,7 @@ class Solver:
         if self._sides is not None:
             for name in _SIDES:
                 out[f"sides.{name}"] = getattr(self._sides, name)
-        for name in _TALLIES:
+        for name in TALLIES:
             out[name] = np.array(getattr(self, name))
         out["dt"] = np.array(self._dt)
         return out | {f"walls.{name}": value for name, value in self._interaction.save().items()}
@@ -309,7 +309,7 @@ class Solver:
         self._air = Particles(saved["x"], saved["v"], saved["rho"], air.mass, saved["identity"])
         if "sides.signed" in saved:
             self._sides = Sides(*(saved[f"sides.{name}"] for name in _SIDES))
-        for name in _TALLIES:
+        for name in TALLIES:
             value = saved[name]
             setattr(self, name, value.copy() if value.ndim else value.item())
         self._dt = float(saved["dt"])

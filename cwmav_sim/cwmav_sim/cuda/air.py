@@ -11,7 +11,7 @@ from cwmav_sim.cuda.interaction import CardInteraction
 from cwmav_sim.cuda.launch import CardArray, blocks, empty, launch, upload
 from cwmav_sim.cuda.scan import reduce_blocks
 from cwmav_sim.cuda.state import CardParticles
-from cwmav_sim.solver import _TALLIES as TALLIES
+from cwmav_sim.solver import TALLIES
 from cwmav_sim.sph.cells import make_grid
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.settings import FlowSettings

@@ -8,9 +8,7 @@ from numba import cuda
 
 from cwmav_common.errors import WorkError
 from cwmav_sim.cuda.launch import CardArray, clear, empty, launch, zeros
-from cwmav_sim.sph.crossing import _BACK as BACK
-from cwmav_sim.sph.crossing import _JUMP as JUMP
-from cwmav_sim.sph.crossing import Crossings
+from cwmav_sim.sph.crossing import BACK, JUMP, Crossings
 
 _ROOM = 1 << 16  # events of one step that are kept; so many mean that the flow is lost
 

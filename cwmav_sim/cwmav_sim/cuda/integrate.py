@@ -13,7 +13,7 @@ import numba as nb
 from numba import cuda
 
 from cwmav_sim.cuda.launch import THREADS
-from cwmav_sim.sph.easing import _EASE as EASE
+from cwmav_sim.sph.easing import EASE
 
 # Rows that the blocks of a correction leave: largest squared speed and acceleration, sum of the velocity
 # changes in the fringe (3) and of the changes of half the squared speed there.

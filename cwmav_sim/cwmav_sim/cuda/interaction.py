@@ -77,8 +77,8 @@ class CardInteraction:
         self.shift = zeros((3, count))
         self._walls: CardElements | None = None
         elements = 0
-        if motion is not None and host._quadrature is not None:
-            self._walls = CardElements(host._quadrature, motion, self._grid, settings.fluid.gravity, dtype)
+        if motion is not None and host.quadrature is not None:
+            self._walls = CardElements(host.quadrature, motion, self._grid, settings.fluid.gravity, dtype)
             elements = self._walls.count
         self._nearness = Nearness(count, elements, self.panels, self._grid, dtype)
         self.reaction = empty((REACTION_SIZE, max(elements, 1)))

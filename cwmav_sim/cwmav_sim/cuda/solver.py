@@ -34,8 +34,7 @@ from cwmav_sim.cuda.integrate import (
 from cwmav_sim.cuda.launch import blocks, empty, launch
 from cwmav_sim.cuda.scan import reduce_blocks
 from cwmav_sim.cuda.state import CardParticles
-from cwmav_sim.solver import _REORDER_EVERY as REORDER_EVERY
-from cwmav_sim.solver import StepInfo
+from cwmav_sim.solver import REORDER_EVERY, StepInfo
 from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.forces import LOAD_SIZE
 from cwmav_sim.sph.interaction import as_rates

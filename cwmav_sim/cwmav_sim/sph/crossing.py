@@ -22,8 +22,8 @@ from cwmav_sim.sph.surfaces import Sides
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_BACK = 0.1  # spacings
-_JUMP = 0.25  # spacings
+BACK = 0.1  # spacings
+JUMP = 0.25  # spacings
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: f
         now.signed,
         now.inside,
         now.normal,
-        _BACK * dp,
-        _JUMP * dp,
+        BACK * dp,
+        JUMP * dp,
         dt,
         count,
         crossed,

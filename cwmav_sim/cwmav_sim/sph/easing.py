@@ -22,7 +22,7 @@ from cwmav_sim.sph.settings import FlowSettings
 
 FloatArray = NDArray[np.float64]
 
-_EASE = 0.1  # share of the missing distance made good in a step
+EASE = 0.1  # share of the missing distance made good in a step
 
 
 def ease(x: FloatArray, rates: Rates, settings: FlowSettings, h: float, speed: float, dt: float) -> None:
@@ -79,7 +79,7 @@ def _ease(
             away = 0.0
             for q in range(3):
                 away += side * move[q] * normal[c, q, i]
-            correction = max(-away, 0.0) + _EASE * max(keep_out - distance, 0.0)
+            correction = max(-away, 0.0) + EASE * max(keep_out - distance, 0.0)
             for q in range(3):
                 move[q] += correction * side * normal[c, q, i]
         for q in range(3):

@@ -27,7 +27,7 @@ from cwmav_sim.sph.gather import (
     window,
 )
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
-from cwmav_sim.sph.visibility import CHUNKS, gather_sides, hide, ranges
+from cwmav_sim.sph.visibility import CHUNKS, count_sides, gather_sides, hide
 from cwmav_sim.sph.wall import AREA, ELEMENT_ROWS, ELEMENT_SCALARS, ELEMENT_VECTORS, sum_wall
 
 FLUID_VECTORS, FLUID_SCALARS = 2, 3
@@ -222,7 +222,7 @@ def walled_pass(
         weight = aligned_rows(1, room, fluid)[0]
         side_s = aligned_rows(channels, room, fluid)
         side_d = aligned_rows(channels, room, fluid)
-        low, high = np.empty(channels, fluid.dtype), np.empty(channels, fluid.dtype)
+        below, above = np.empty((channels, SLABS + 1), np.int32), np.empty((channels, SLABS + 1), np.int32)
         wall_buf = aligned_rows(channels * ELEMENT_ROWS, element_room, fluid).reshape(
             (channels, ELEMENT_ROWS, element_room)
         )
@@ -233,10 +233,8 @@ def walled_pass(
         wall_d = aligned_rows(channels * channels, element_room, fluid).reshape(
             (channels, channels, element_room)
         )
-        wall_low, wall_high = (
-            np.empty((channels, channels), fluid.dtype),
-            np.empty((channels, channels), fluid.dtype),
-        )
+        wall_below = np.empty((channels, channels, SLABS + 1), np.int32)
+        wall_above = np.empty((channels, channels, SLABS + 1), np.int32)
         area = aligned_rows(1, element_room, fluid)[0]
         reaction = np.zeros((channels, REACTION_SIZE, element_room), fluid.dtype)
         runs = np.empty((MOST_RUNS, 6), np.int64)
@@ -269,6 +267,8 @@ def walled_pass(
             if close:
                 gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, side_s)
                 gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, side_d)
+                slabs = z1 - z0 + 2 * REACH
+                count_sides(side_s, begin, slabs, below, above)
                 for channel in range(channels):
                     image = 1 if channel < panels else -1
                     wall_start = element_start[channel % panels]
@@ -287,12 +287,20 @@ def walled_pass(
                         wall_buf[channel],
                         wall_begin[channel],
                     )
-                    if wall_begin[channel, z1 - z0 + 2 * REACH] == 0:  # none of its elements around here
+                    if wall_begin[channel, slabs] == 0:  # none of its elements around here
                         continue
                     if reactions is not None:
                         reaction[channel, :, :] = 0.0
-                    for sides, target in ((element_signed, wall_s), (element_inside, wall_d)):
-                        gather_sides(sides, wall_start, integers, place, image, panels, runs, target[channel])
+                    gather_sides(
+                        element_signed, wall_start, integers, place, image, panels, runs, wall_s[channel]
+                    )
+                    count_sides(
+                        wall_s[channel], wall_begin[channel], slabs, wall_below[channel], wall_above[channel]
+                    )
+                    if wall_below[channel, :, slabs].any() or wall_above[channel, :, slabs].any():
+                        gather_sides(
+                            element_inside, wall_start, integers, place, image, panels, runs, wall_d[channel]
+                        )
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
@@ -305,14 +313,12 @@ def walled_pass(
                         sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
                         _store(sums, scale, a[6], True, order[i], acceleration, density_rate, shift)
                     continue
-                ranges(side_s, first, n, low, high)
-                for channel in range(channels):
-                    first_wall, n_wall = window(wall_begin[channel], cz - z0)
-                    ranges(wall_s[channel], first_wall, n_wall, wall_low[channel], wall_high[channel])
                 for i in range(start[c], start[c + 1]):
                     a = _particle(fluid, offset, i)
                     s_a, d_a = signed[:, i], inside[:, i]
-                    seen = hide(buf[VOLUME], s_a, d_a, side_s, side_d, low, high, first, n, weight)
+                    seen = hide(
+                        buf[VOLUME], s_a, d_a, side_s, side_d, below, above, cz - z0, first, n, weight
+                    )
                     sums = sum_pairs(a, buf, seen, first, n, k, shifting)
                     _store(sums, scale, a[6], keep_diffusion, order[i], acceleration, density_rate, shift)
                     for channel in range(channels):
@@ -326,8 +332,9 @@ def walled_pass(
                             d_a,
                             wall_s[channel],
                             wall_d[channel],
-                            wall_low[channel],
-                            wall_high[channel],
+                            wall_below[channel],
+                            wall_above[channel],
+                            cz - z0,
                             first_wall,
                             n_wall,
                             area,

@@ -21,7 +21,7 @@ from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.gather import buffer_room
 from cwmav_sim.sph.kernel import Kernel
-from cwmav_sim.sph.pair import FLUID_ROWS, pair_constants
+from cwmav_sim.sph.pair import FLUID_ROWS, pack_fluid, pair_constants
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes, SheetLoad, SheetQuadrature
 from cwmav_sim.sph.state import Particles
@@ -86,6 +86,13 @@ class Interaction:
         The walls.
     timers : Timers
         Receives the time of the phases sort, walls and pairs.
+
+    Attributes
+    ----------
+    quadrature : SheetQuadrature or None
+        Elements of the walls.
+    panels : int
+        Number of walls.
     """
 
     def __init__(
@@ -97,9 +104,9 @@ class Interaction:
         self._grid, self._eos, self._timers = grid, eos, timers
         self._keep_diffusion = fluid.diffusion_near_wall == "keep"
         self._shifting = settings.shifting.coefficient > 0.0
-        self._quadrature = None if motion is None else _quadrature(settings, motion, grid)
+        self.quadrature = None if motion is None else _quadrature(settings, motion, grid)
         self._gravity = np.array([0.0, 0.0, -fluid.gravity])
-        self.panels = 0 if self._quadrature is None else self._quadrature.panels
+        self.panels = 0 if self.quadrature is None else self.quadrature.panels
         self._weights: sp.csr_matrix | None = None
         self._pair_k = pair_constants(
             self.kernel.h,
@@ -141,7 +148,7 @@ class Interaction:
             sorting = sort_into_cells(particles.x, self._grid)
             fluid = self._pack(particles, sorting)
             column = sorting.column.astype(self.dtype)
-        if self._quadrature is None or nodes is None:
+        if self.quadrature is None or nodes is None:
             with self._timers.phase("pairs"):
                 return self._unbounded(particles, sorting, fluid, column, shifting)
         return self._walled(particles, nodes, sorting, fluid, column, shifting, reactions)
@@ -166,7 +173,7 @@ class Interaction:
 
         The kicks of particles that were put back are spread over the step of ``dt`` [s].
         """
-        quadrature = self._quadrature
+        quadrature = self.quadrature
         if quadrature is None or rates.reaction is None:
             raise ValueError("no reactions were asked for")
         if self._weights is None:
@@ -180,8 +187,8 @@ class Interaction:
 
     def _shares(self, nodes: int) -> sp.csr_matrix:
         """Share of every node in the position of every wall element, shape (elements, nodes)."""
-        assert self._quadrature is not None  # noqa: S101 - for the type checker
-        return self._quadrature.weights(nodes)
+        assert self.quadrature is not None  # noqa: S101 - for the type checker
+        return self.quadrature.weights(nodes)
 
     def pairs(self, particles: Particles) -> int:
         """Count the ordered pairs within the support, images across the faces of the box left out."""
@@ -194,12 +201,17 @@ class Interaction:
 
     def _pack(self, particles: Particles, sorting: Sorting) -> NDArray:
         fluid = np.empty((FLUID_ROWS, particles.count), self.dtype)
-        rho = particles.rho[sorting.order]
-        fluid[0:3] = sorting.local.T
-        fluid[3:6] = particles.v[sorting.order].T
-        fluid[6] = rho - self._eos.density
-        fluid[7] = self._eos.pressure(rho)
-        fluid[8] = particles.mass / rho
+        pressure = self._eos.pressure(particles.rho)
+        pack_fluid(
+            sorting.local,
+            particles.v,
+            particles.rho,
+            pressure,
+            sorting.order,
+            particles.mass,
+            self._eos.density,
+            fluid,
+        )
         return fluid
 
     def _add_subgrid_stress(
@@ -267,10 +279,10 @@ class Interaction:
         shifting: bool,
         reactions: bool,
     ) -> Rates:
-        assert self._quadrature is not None  # noqa: S101 - for the type checker
+        assert self.quadrature is not None  # noqa: S101 - for the type checker
         with self._timers.phase("walls"):
-            placed = self._quadrature.place(nodes).relative_to(self._gravity)
-            surfaces = locate_surfaces(self._quadrature, placed, self._grid, fluid, column, sorting.start)
+            placed = self.quadrature.place(nodes).relative_to(self._gravity)
+            surfaces = locate_surfaces(self.quadrature, placed, self._grid, fluid, column, sorting.start)
         with self._timers.phase("pairs"):
             return self._bounded(particles, sorting, fluid, column, surfaces, shifting, reactions)
 

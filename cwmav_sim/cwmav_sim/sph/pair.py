@@ -50,6 +50,33 @@ def pair_constants(
     return np.array(values, dtype=dtype)
 
 
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def pack_fluid(local, v, rho, pressure, order, mass, rho0, fluid):
+    """Pack particles in cell order, in the precision of the pairs.
+
+    Parameters
+    ----------
+    local : ndarray, shape (n, 3)
+        Positions relative to the centres of the own cells [m], in cell order.
+    v, rho, pressure : ndarray, shape (n, 3), (n,), (n,)
+        Velocities [m/s], densities [kg/m3] and pressures [Pa], in storage order.
+    order : ndarray, shape (n,), int
+        Number of the particle at each place.
+    mass, rho0 : float
+        Mass of a particle [kg] and density at rest [kg/m3].
+    fluid : ndarray, shape (9, n)
+        Filled; its densities are those above rest, so that single precision resolves them.
+    """
+    for j in nb.prange(order.shape[0]):
+        i = order[j]
+        for q in range(3):
+            fluid[X + q, j] = local[j, q]
+            fluid[VX + q, j] = v[i, q]
+        fluid[DENSITY, j] = rho[i] - rho0
+        fluid[PRESSURE, j] = pressure[i]
+        fluid[VOLUME, j] = mass / rho[i]
+
+
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
 def sum_pairs(a, buf, volume, first, n, k, shifting):
     """Sum the interaction of one particle over ``n`` buffered neighbours.

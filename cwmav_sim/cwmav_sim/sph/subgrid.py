@@ -20,6 +20,7 @@ from cwmav_sim.sph.gather import (
     ANY_IMAGE,
     FAR,
     MOST_RUNS,
+    REACH,
     SLABS,
     aligned_rows,
     fill,
@@ -27,7 +28,7 @@ from cwmav_sim.sph.gather import (
     stretches,
     window,
 )
-from cwmav_sim.sph.visibility import CHUNKS, gather_sides, hide, ranges
+from cwmav_sim.sph.visibility import CHUNKS, count_sides, gather_sides, hide
 
 SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
 
@@ -100,7 +101,7 @@ def _pass(
         weight = aligned_rows(1, room, packed)[0]
         side_s = aligned_rows(channels, room, packed)
         side_d = aligned_rows(channels, room, packed)
-        low, high = np.empty(channels, packed.dtype), np.empty(channels, packed.dtype)
+        below, above = np.empty((channels, SLABS + 1), np.int32), np.empty((channels, SLABS + 1), np.int32)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(_ROWS, packed.dtype)
         filler[0] = FAR
@@ -128,6 +129,7 @@ def _pass(
             if close:
                 gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, side_s)
                 gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, side_d)
+                count_sides(side_s, begin, z1 - z0 + 2 * REACH, below, above)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
@@ -135,13 +137,11 @@ def _pass(
                 first, n = window(begin, cz - z0)
                 offset = cell.dtype.type(cz - centre) * cell[2]
                 walled = near[c]
-                if walled:
-                    ranges(side_s, first, n, low, high)
                 for i in range(start[c], start[c + 1]):
                     seen = buf[_WEIGHT]
                     if walled:
                         s_a, d_a = signed[:, i], inside[:, i]
-                        seen = hide(seen, s_a, d_a, side_s, side_d, low, high, first, n, weight)
+                        seen = hide(seen, s_a, d_a, side_s, side_d, below, above, cz - z0, first, n, weight)
                     if of_stress:
                         _divergence(packed, offset, i, buf, seen, first, n, k, out)
                     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,7 +51,7 @@ class Sides:
     inside : ndarray, shape (channels, n)
         Distance inside the outline [m]; negative beyond the edge.
     normal : ndarray, shape (channels, 3, n)
-        Unit normal at the nearest probe.
+        Unit normal at the nearest probe; in cell order undefined where the wall is out of reach.
     """
 
     signed: NDArray
@@ -59,16 +60,21 @@ class Sides:
 
     @classmethod
     def empty(cls, channels: int, count: int, dtype: np.dtype) -> Sides:
-        """Return room for ``count`` points."""
+        """Return the sides of ``count`` points out of reach of all walls."""
         shape = (channels, count)
         return cls(np.zeros(shape, dtype), np.zeros(shape, dtype), np.zeros((channels, 3, count), dtype))
 
+    @classmethod
+    def room(cls, channels: int, count: int, dtype: np.dtype) -> Sides:
+        """Return room for the sides of ``count`` points, for :func:`~cwmav_sim.sph.visibility.locate`."""
+        shape = (channels, count)
+        return cls(np.empty(shape, dtype), np.empty(shape, dtype), np.empty((channels, 3, count), dtype))
+
     def in_storage_order(self, panels: int, order: IntArray) -> Sides:
         """Return the sides of the walls themselves, put from cell order under the numbers ``order``."""
-        out = Sides.empty(panels, len(order), self.signed.dtype)
-        out.signed[:, order] = self.signed[:panels]
-        out.inside[:, order] = self.inside[:panels]
-        out.normal[:, :, order] = self.normal[:panels]
+        n, dtype = len(order), self.signed.dtype
+        out = Sides.room(panels, n, dtype)
+        _in_storage_order(self.signed, self.inside, self.normal, order, out.signed, out.inside, out.normal)
         return out
 
     def take(self, places: IntArray) -> Sides:
@@ -148,9 +154,9 @@ def locate_surfaces(
             sides.normal,
         )
 
-    particle_sides = Sides.empty(channels, fluid.shape[1], dtype)
+    particle_sides = Sides.room(channels, fluid.shape[1], dtype)
     locate(fluid, column, start, -1, particle_sides)
-    element_sides = Sides.empty(channels, elements.rows.shape[1], dtype)
+    element_sides = Sides.room(channels, elements.rows.shape[1], dtype)
     for panel in range(panels):
         locate(elements.rows, elements.column, elements.start[panel], panel, element_sides)
     return Surfaces(elements, element_sides, near, particle_sides)
@@ -179,3 +185,23 @@ def _pack(
         offset += len(mine)
     packed = np.ascontiguousarray(np.hstack(rows), dtype=dtype)
     return PackedPoints(packed, np.concatenate(column).astype(dtype), np.array(start), np.concatenate(number))
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def _in_storage_order(
+    signed: NDArray,
+    inside: NDArray,
+    normal: NDArray,
+    order: IntArray,
+    signed_out: NDArray,
+    inside_out: NDArray,
+    normal_out: NDArray,
+) -> None:
+    zero = signed.dtype.type(0.0)
+    for j in nb.prange(order.shape[0]):
+        i = order[j]
+        for c in range(signed_out.shape[0]):
+            signed_out[c, i], inside_out[c, i] = signed[c, j], inside[c, j]
+            known = signed[c, j] != zero or inside[c, j] != zero
+            for q in range(3):
+                normal_out[c, q, i] = normal[c, q, j] if known else zero

@@ -208,20 +208,33 @@ def gather_sides(sides, start, integers, place, image, panels, runs, buf):
             buf[c, j] = buf.dtype.type(0.0)
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
-def ranges(signed, first, n, lowest, highest):
-    """Fill in lowest and highest distance of ``n`` entries from every wall, shape (channels,) each."""
+@nb.njit(cache=True, error_model="numpy")
+def count_sides(signed, begin, slabs, below, above):
+    """Count, slab by slab of a buffer, how many entries so far lie on either side of every wall.
+
+    Parameters
+    ----------
+    signed : ndarray, shape (channels, room)
+        Distances of the entries from the walls.
+    begin, slabs : ndarray, int
+        First entry of every slab and number of slabs.
+    below, above : ndarray, shape (channels, SLABS + 1), int32
+        Filled: entries with a negative and with a positive distance before the begin of every slab.
+    """
     for c in range(signed.shape[0]):
-        s = signed[c][first : first + n]
-        low = high = signed.dtype.type(0.0)
-        for j in range(n):
-            low = s[j] if s[j] < low else low
-            high = s[j] if s[j] > high else high
-        lowest[c], highest[c] = low, high
+        below[c, 0] = above[c, 0] = 0
+        for slab in range(slabs):
+            s = signed[c][begin[slab] : begin[slab + 1]]
+            negative = positive = np.int32(0)
+            for j in range(s.shape[0]):  # sums of integers, which become vector loops; a minimum does not
+                negative += np.int32(s[j] < 0)
+                positive += np.int32(s[j] > 0)
+            below[c, slab + 1] = below[c, slab] + negative
+            above[c, slab + 1] = above[c, slab] + positive
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def hide(weight, signed_a, inside_a, signed, inside, lowest, highest, first, n, out):
+def hide(weight, signed_a, inside_a, signed, inside, below, above, slab, first, n, out):
     """Return ``weight`` with zero where a wall stands between a particle and an entry.
 
     Parameters
@@ -232,27 +245,37 @@ def hide(weight, signed_a, inside_a, signed, inside, lowest, highest, first, n, 
         Distances of the particle.
     signed, inside : ndarray, shape (channels, m)
         Distances of the entries.
-    lowest, highest : ndarray, shape (channels,)
-        Range of ``signed`` over the entries in use, from :func:`ranges`.
+    below, above : ndarray, shape (channels, SLABS + 1), int32
+        From :func:`count_sides`.
+    slab : int
+        First slab of the window.
     first, n : int
         Entries in use.
     out : ndarray, shape (m,)
-        Room for the result.
+        Room for the result; not ``weight``.
     """
     zero = weight.dtype.type(0.0)
+    beyond = slab + 2 * REACH + 1
     copied = False
     for c in range(signed.shape[0]):
         s_a, d_a = signed_a[c], inside_a[c]
-        if s_a * lowest[c] >= zero and s_a * highest[c] >= zero:
+        others = below[c, beyond] - below[c, slab]
+        if s_a < zero:
+            others = above[c, beyond] - above[c, slab]
+        if s_a == zero or others == 0:
             continue
-        if not copied:
-            copied = True
-            for j in range(first, first + n):
-                out[j] = weight[j]
         size = abs(s_a)
         s, d = signed[c][first : first + n], inside[c][first : first + n]
         target = out[first : first + n]
-        for j in range(n):
-            hidden = (s_a * s[j] < zero) & (d_a * abs(s[j]) + d[j] * size > zero)
-            target[j] = zero if hidden else target[j]
+        # Two loops, because source and target of one must not be the same memory if it is to use vectors.
+        if not copied:
+            copied = True
+            source = weight[first : first + n]
+            for j in range(n):
+                hidden = (s_a * s[j] < zero) & (d_a * abs(s[j]) + d[j] * size > zero)
+                target[j] = zero if hidden else source[j]
+        else:
+            for j in range(n):
+                hidden = (s_a * s[j] < zero) & (d_a * abs(s[j]) + d[j] * size > zero)
+                target[j] = zero if hidden else target[j]
     return out if copied else weight

@@ -11,17 +11,17 @@ from cwmav_sim import fingerprint
 from cwmav_sim.sph.forces import fluid_pass
 
 
-def test_kernels_are_kept_under_the_fingerprint_of_the_solver():
-    assert Path(numba.config.CACHE_DIR).name == f"kernels-{fingerprint.coupled_fingerprint()}"
-    assert f"kernels-{fingerprint.coupled_fingerprint()}" in str(fluid_pass._cache.cache_path)
+def test_kernels_are_kept_under_the_hash_of_their_source():
+    assert Path(numba.config.CACHE_DIR).name == f"kernels-{fingerprint.kernel_hash()}"
+    assert f"kernels-{fingerprint.kernel_hash()}" in str(fluid_pass._cache.cache_path)
 
 
-def test_an_edit_of_an_inlined_formula_changes_the_fingerprint(tmp_path, monkeypatch):
+def test_an_edit_of_an_inlined_formula_changes_the_hash(tmp_path, monkeypatch):
     source = Path(cwmav_sim.__file__).parent
     copy = tmp_path / "cwmav_sim"
     shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__", "data"))
     monkeypatch.setattr(fingerprint, "__file__", str(copy / "fingerprint.py"))
-    fresh = fingerprint.coupled_fingerprint.__wrapped__
+    fresh = fingerprint.kernel_hash.__wrapped__
     before = fresh()
     pair = copy / "sph" / "pair.py"
     text = pair.read_text()
@@ -29,3 +29,17 @@ def test_an_edit_of_an_inlined_formula_changes_the_fingerprint(tmp_path, monkeyp
     assert fresh() == before
     pair.write_text(text.replace("four * (one - t) + one", "four * (one - t) + two"))
     assert fresh() != before
+
+
+def test_a_source_of_the_same_results_keeps_their_fingerprint_until_it_is_edited(tmp_path, monkeypatch):
+    copy = tmp_path / "cwmav_sim"
+    shutil.copytree(Path(cwmav_sim.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(fingerprint, "__file__", str(copy / "fingerprint.py"))
+    monkeypatch.setattr(fingerprint, "_SAME_RESULTS", copy / "data" / "same_results.csv")
+    hash_, identity = fingerprint.kernel_hash.__wrapped__, fingerprint.coupled_fingerprint.__wrapped__
+    with (copy / "data" / "same_results.csv").open("a") as file:
+        file.write(f"{hash_()},0123456789ab,a test\n")
+    assert identity() == "0123456789ab"
+    with (copy / "sph" / "pair.py").open("a") as file:
+        file.write("\nfour = 4\n")
+    assert identity() == hash_() != "0123456789ab"
