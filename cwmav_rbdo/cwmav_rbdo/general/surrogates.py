@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One Kriging per constraint over the same samples."""
+"""One Kriging per constraint over the same samples.
+
+Of a constraint only the sign matters, so a response with very long tails (one over the product of two
+lengths, say) is compressed before it is interpolated: ``arcsinh(y / m)``, m the median of the magnitudes of
+the first samples, which fill the space, keeps zero where it is, is linear around it, and brings what is
+thousands of times as large within reach.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,8 @@ Array = NDArray[np.float64]
 CAUTION = 2.0
 """Factor on the standard deviation where it is decided that nothing more needs to be known."""
 _REFIT = 0.15  # growth of the samples after which the length scales are estimated anew
+_LONG = 100.0
+"""Largest magnitude of a response over that median beyond which its tails are compressed."""
 
 
 class Surrogates:
@@ -22,22 +30,26 @@ class Surrogates:
 
     Attributes
     ----------
-    X, Y : samples (n, D) and responses (n, K)
+    X : samples (n, D)
+    Y : responses (n, K) as they are interpolated, with the signs of the true ones
     models : list of Kriging
     """
 
     def __init__(self, settings: SurrogateSettings, X: Array, Y: Array) -> None:
         self._settings = settings
-        self.X, self.Y = X, Y
+        self.X, self.Y, self._true = X, Y, Y
+        self._median = np.median(np.abs(Y), axis=0)
         self._fit()
 
     def add(self, X: Array, Y: Array) -> None:
         """Take new samples; length scales are estimated anew when the samples have grown by 15 %."""
-        self.X, self.Y = np.vstack([self.X, X]), np.vstack([self.Y, Y])
+        self.X, self._true = np.vstack([self.X, X]), np.vstack([self._true, Y])
         if len(self.X) > (1.0 + _REFIT) * self._fitted_on:
             self._fit()
             return
-        for model, column in zip(self.models, Y.T, strict=True):
+        new = self._compressed(Y)
+        self.Y = np.vstack([self.Y, new])
+        for model, column in zip(self.models, new.T, strict=True):
             model.add(X, column)
         self._means = [MeanFunction(model) for model in self.models]
 
@@ -58,10 +70,16 @@ class Surrogates:
         """Whether a sample lies within 1e-4 of the spans of `x`."""
         return bool(np.any(np.all(np.abs(self.X - x) <= 1e-4 * span, axis=1)))
 
+    def _compressed(self, Y: Array) -> Array:
+        """Compress the responses whose tails are long; the others as they are."""
+        return np.where(self._long, np.arcsinh(Y / np.where(self._long, self._median, 1.0)), Y)
+
     def _fit(self) -> None:
         self._fitted_on = len(self.X)
+        self._long = (self._median > 0.0) & (np.abs(self._true).max(axis=0) > _LONG * self._median)
+        self.Y = self._compressed(self._true)
         kernel, trend = self._settings.kernel, self._settings.trend
-        self.models = [Kriging(kernel, trend).fit(self.X, column) for column in self.Y.T]
+        self.models: list[Kriging] = [Kriging(kernel, trend).fit(self.X, column) for column in self.Y.T]
         self._means = [MeanFunction(model) for model in self.models]
 
 

@@ -38,6 +38,7 @@ def test_small_published_problems_pass(name):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", benchmark_names())
 def test_published_problems_pass(name, seed):
