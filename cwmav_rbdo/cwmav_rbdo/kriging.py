@@ -253,7 +253,12 @@ class Kriging(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         if len(constant):
             recoveries.append(f"constant variable left out: column {', '.join(map(str, constant))}")
         self.y_offset_ = float(y.mean())
-        self.y_scale_ = float(y.std())
+        with np.errstate(over="ignore"):
+            self.y_scale_ = float(y.std())
+        if not np.isfinite(self.y_scale_):
+            raise InputError(
+                f"y: values as large as {np.abs(y).max():.3g} have no variance in this arithmetic"
+            )
         if self.y_scale_ <= _UNRESOLVED * float(np.abs(y).max()):
             recoveries.append("constant response: predicted everywhere with zero error")
             self.y_scale_ = 1.0

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import ndtri
 
+from cwmav_common.errors import WorkError
 from cwmav_rbdo.general.surrogates import CAUTION, Surrogates
 from cwmav_rbdo.general.variables import RandomSpace
 from cwmav_rbdo.general.worst_point import slope_at, steepest, worst_point
@@ -109,10 +110,17 @@ class DesignSearch:
             if self._look_around(d):
                 d = self._slsqp(d, scale)
             found.append(d)
+        objectives = [float(self._objective(d[None])[0]) for d in found]
+        if not np.any(np.isfinite(objectives)):
+            raise WorkError(f"the objective is {objectives[0]} at {self._worded(found[0])}")
         ranked = [
-            (max(self._violation(d, scale) - 1e-4, 0.0), float(self._objective(d[None])[0])) for d in found
+            (max(self._violation(d, scale) - 1e-4, 0.0), f)
+            for d, f in zip(found, np.nan_to_num(objectives, nan=np.inf), strict=True)
         ]
         return found[min(range(len(found)), key=lambda k: ranked[k])]
+
+    def _worded(self, d: Array) -> str:
+        return ", ".join(f"{name} {value:g}" for name, value in zip(self.problem.names, d, strict=True))
 
     def _look_around(self, d: Array) -> bool:
         """Search the worst points from all directions; whether one was found elsewhere than remembered."""

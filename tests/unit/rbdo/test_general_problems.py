@@ -80,6 +80,16 @@ def test_infeasible_problem_is_said_plainly_with_the_miss():
     assert result.constraints[0].band.value < 1e-6
 
 
+def test_objective_that_is_no_number_is_an_error_that_says_where():
+    task = YOUN_CHOI | {"objective": "sqrt(-1 - d1**2)"}
+    with pytest.raises(WorkError, match=r"the objective is nan at d1 [\d.e-]+, d2 [\d.e-]+"):
+        run_study(parse_problem(task, "nowhere"), seed=0)
+    # Undefined in a part of the space only: the optimum lies elsewhere.
+    task = YOUN_CHOI | {"objective": "d1 + d2 + 0*sqrt(9.5 - d1)"}
+    result = run_study(parse_problem(task, "partly"), seed=0)
+    assert result.objective == pytest.approx(6.7286, rel=5e-3)
+
+
 def test_constraint_that_fails_everywhere_is_said_plainly():
     task = YOUN_CHOI | {"constraints": ["0*x1 - 1"], "max_true_evaluations": 25}
     result = run_study(parse_problem(task, "hopeless"), seed=0)

@@ -212,6 +212,7 @@ def test_constant_response_and_constant_variable_are_named():
         ({"X": [[1.0, np.nan], [2.0, 3.0]], "y": [1.0, 2.0]}, "NaN"),
         ({"X": [[1.0], [2.0]], "y": [1.0, np.inf]}, "infinity"),
         ({"X": [[1.0]], "y": [1.0]}, "minimum of 2"),
+        ({"X": [[1.0], [2.0]], "y": [1e200, -3e200]}, "as large as 3e\\+200"),
         ({"X": [[1.0], [1.0]], "y": [1.0, 1.0]}, "at one point"),
         ({"X": [[1.0], [2.0]], "y": [1.0, 2.0], "noise_variance": [1.0, -1.0]}, "-1.0"),
         ({"X": [[1.0], [2.0]], "y": [1.0, 2.0], "noise_variance": [1.0]}, "shape"),
