@@ -57,8 +57,11 @@ def bundled_problems() -> dict[str, Path]:
 
 def parse_problem(content: Mapping[str, Any], source: str) -> Problem:
     """Build a problem from the content of a problem file; `source` names it in error messages."""
-    content = {key: value for key, value in content.items() if key not in REFERENCE_KEYS}
     kind = content.get("kind")
+    ignored = set(REFERENCE_KEYS)
+    if kind == "lift_to_power":
+        ignored.remove("source")  # here it says where lift, power and scatter come from
+    content = {key: value for key, value in content.items() if key not in ignored}
     if kind == "lift_to_power":
         return from_mapping(WingProblem, _wing_content(content, source), source)
     if kind in KINDS:

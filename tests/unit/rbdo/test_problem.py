@@ -54,6 +54,20 @@ def test_bundled_studies_are_the_papers():
     assert two.method == three.method == "zhang2026"
 
 
+def test_where_lift_and_power_come_from_is_read_from_the_file():
+    sources = {"fidelity": "coarse", "workers": 3, "coarse_lifts": "cases.csv", "recordings": ["bags/one"]}
+    problem = parse_problem(WING | {"source": sources, "note": "ignored"}, "file")
+    assert {name: getattr(problem.source, name) for name in ("fidelity", "workers", "coarse_lifts")} == {
+        name: sources[name] for name in ("fidelity", "workers", "coarse_lifts")
+    }
+    assert list(problem.source.recordings) == ["bags/one"]
+    assert parse_problem(json.loads(json.dumps(problem_mapping(problem))), "again") == problem
+    with pytest.raises(InputError, match="workers"):
+        parse_problem(WING | {"source": {"workers": 0}}, "file")
+    collected = parse_problem(COLUMN | {"source": "a book", "published": {"f": 1.0}}, "file")
+    assert collected == parse_problem(COLUMN, "file")
+
+
 @pytest.mark.parametrize("content", [WING, COLUMN])
 def test_resolved_problem_reads_back_as_itself(content):
     problem = parse_problem(content, "file")
