@@ -15,7 +15,7 @@ from cwmav_sim.verification.channel import Couette, Poiseuille
 from cwmav_sim.verification.clap_fling import ClapAndFling, _fling
 from cwmav_sim.verification.convergence import observed_order
 from cwmav_sim.verification.cylinder import OscillatingCylinder, StartedCylinder
-from cwmav_sim.verification.flows import History, at_places, plane_flow
+from cwmav_sim.verification.flows import HeldVolume, History, at_places, plane_flow
 from cwmav_sim.verification.hover import HoveringEllipse
 from cwmav_sim.verification.hydrostatic import HydrostaticColumn
 from cwmav_sim.verification.outlines import Chain, Pose, circle, half_ellipse, line, outlines
@@ -43,6 +43,19 @@ def test_a_coarse_column_rests_on_its_floor():
     assert checks["force on floor and ceiling [weight]"].passed
     assert checks["rms error of pressure over rho g H"].value < 0.02
     assert checks["highest speed [c0]"].value < 2e-3
+
+
+def test_a_closed_vessel_holds_the_volume_of_its_air():
+    flow = plane_flow(0.1, 1.0, 1.0, viscosity=0.01, sound_speed=10.0)
+    solver = Solver(flow, None, 0.0, highest_speed=1.0)
+    before = solver.density.copy()
+    held = HeldVolume(solver)
+    solver.density[:] *= np.linspace(1.0, 1.02, solver.particles)
+    info = solver.step()
+    stepped = solver.density.copy()
+    held(info)
+    assert np.sum(1.0 / solver.density) == pytest.approx(np.sum(1.0 / before), rel=1e-12)
+    assert np.ptp(solver.density / stepped) < 1e-14  # all alike, so pressure differences stay
 
 
 def test_a_wrong_viscosity_fails_the_bar(monkeypatch):
