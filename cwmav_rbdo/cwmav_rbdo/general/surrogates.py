@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 CAUTION = 2.0
 """Factor on the standard deviation where it is decided that nothing more needs to be known."""
 _REFIT = 0.15  # growth of the samples after which the length scales are estimated anew
-_LONG = 100.0
+_LONG = 300.0
 """Largest magnitude of a response over that median beyond which its tails are compressed."""
 
 
