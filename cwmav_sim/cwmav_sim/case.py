@@ -19,7 +19,7 @@ from cwmav_common.settings import from_mapping, override, read_yaml, setting, to
 from cwmav_sim.coupling import CoupledWings, Coupling
 from cwmav_sim.fingerprint import coupled_fingerprint, solver_fingerprint
 from cwmav_sim.kinematics import Kinematics
-from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Resolution, Shifting
+from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Fringe, Resolution, Shifting
 from cwmav_sim.sph.sheet import expected_speed
 from cwmav_sim.underway import UnderwayWings
 from cwmav_sim.wing.build import flexible_wings
@@ -348,9 +348,12 @@ def _coarse(dp: float, clap_half_gap_deg: float, run: Run, box: Box) -> Case:
     # Ten times the stroke speed of the wing tips is about six times the highest speed of any wing node, which
     # a quickly turning trailing edge reaches; the cheap presets stop there and take a longer step.
     fluid = Fluid(sound_speed=30.0, mach_limit=0.16)
-    flow = FlowSettings(fluid=fluid, resolution=Resolution(dp=dp, cfl=0.4), box=box)
+    flow = FlowSettings(fluid=fluid, resolution=Resolution(dp=dp, cfl=0.4), box=box, fringe=_OPEN)
     return Case(kinematics=Kinematics(clap_half_gap_deg=clap_half_gap_deg), flow=flow, run=run)
 
+
+# The air that the wings throw down must not come back through the faces across z (docs/decisions/0010).
+_OPEN = Fringe(around=True)
 
 # As tight around the swept volume as two spacings of 12 mm at every angle of attack allow.
 _SMALL_BOX = Box(length=0.432, width=0.408, height=0.312, upstream=0.132)
@@ -360,6 +363,6 @@ _SMALL_BOX = Box(length=0.432, width=0.408, height=0.312, upstream=0.132)
 _PRESETS: dict[str, Case] = {
     "smoke": _coarse(0.012, 7.0, Run(cycles=3, discard=1, cycles_max=3), _SMALL_BOX),
     "coarse": _coarse(0.008, 4.7, Run(cycles=4, discard=2, cycles_max=4), Box()),
-    "default": Case(flow=_flow(0.004)),
+    "default": Case(flow=_flow(0.004, fringe=_OPEN)),
     "paper": _paper(),
 }

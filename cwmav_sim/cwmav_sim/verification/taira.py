@@ -65,7 +65,7 @@ class LowAspectRatioPlate:
             fluid=Fluid(density=1.0, viscosity=0.01, sound_speed=12.0, mach_limit=0.5),
             resolution=Resolution(dp=dp, cfl=0.4, jitter=0.1),
             box=Box(length=7.5, width=5.0, height=4.0, upstream=2.5, symmetric=True),
-            fringe=Fringe(width=1.5, rate=4.0),
+            fringe=Fringe(width=1.5, rate=4.0, around=True),
         )
         plate = FixedPlate(1.0, 2.0, dp / 2.0, math.radians(self.angle_deg), half=True)
         solver = Solver(flow, plate, 1.0, highest_speed=1.0)
