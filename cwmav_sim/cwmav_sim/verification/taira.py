@@ -45,7 +45,7 @@ class LowAspectRatioPlate:
     slow: bool = True
     remark: str = (
         "ten particles per chord; in the plane the lift at 30 deg is low by a length at the edges that "
-        "shrinks with the spacing (decisions 0005, 0007). With periodic faces across z, where the plate flies "
+        "shrinks with the spacing (decisions 0005, 0007). With periodic faces across z, where it flies "
         "in the downwash of its images, the lift at 20 deg was 25 % low (decision 0010)."
     )
 
