@@ -35,9 +35,8 @@ def single_thread() -> Iterator[None]:
 
 def for_each_block(work: Callable[[T], None], blocks: Sequence[T]) -> None:
     """Run `work` on every block, in parallel where there are many; each must write to a place of its own."""
-    workers = min(len(blocks) // 2, 2)
-    if workers == 2:  # the number of processors is asked for only then: a swarm predicts thousands of times
-        workers = min(os.cpu_count() or 1, len(blocks) // 2)
+    # The number of processors is asked for only where it matters: a swarm predicts thousands of times.
+    workers = 1 if len(blocks) < 4 else min(os.cpu_count() or 1, len(blocks) // 2)
     with single_thread():
         if workers < 2:
             for block in blocks:

@@ -31,7 +31,6 @@ _NUMERICS = (
 # What a run with flexible wings executes besides.
 _FLEXIBLE = (*_NUMERICS, "wing", "coupling.py")
 
-
 _SAME_RESULTS = Path(__file__).parent / "data" / "same_results.csv"
 
 
