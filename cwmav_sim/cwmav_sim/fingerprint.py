@@ -49,7 +49,7 @@ def coupled_fingerprint() -> str:
 @cache
 def kernel_hash() -> str:
     """Return twelve hexadecimal digits that change with any edit of what compiled kernels are made from."""
-    return _source_hash(_FLEXIBLE)
+    return _source_hash((*_FLEXIBLE, "cuda"))
 
 
 def _results_of(source: str) -> str:

@@ -133,28 +133,28 @@ def place_of(number, integers):
     return np.int32(cx), np.int32(rest % integers[NY]), np.int32(rest // integers[NY])
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _find_cells(x, low, cell, integers, key):
     i = cuda.grid(1)
     if i < key.shape[0]:
         key[i] = cell_number(x[0, i], x[1, i], x[2, i], low, cell, integers)
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _tally(key, tally, rank):
     i = cuda.grid(1)
     if i < key.shape[0]:
         rank[i] = cuda.atomic.add(tally, key[i], 1)
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _place(key, rank, start, order):
     i = cuda.grid(1)
     if i < key.shape[0]:
         order[start[key[i]] + rank[i]] = i
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _settle(start, order):
     """Sort the few points of every cell by number."""
     c = cuda.grid(1)

@@ -81,7 +81,7 @@ class Net:
         return Crossings(count, impulse, panel, np.ascontiguousarray(values[:3].T), kick)
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _put_back(x, v, before, now, back, jump, mass, dt, found, events, values):
     i = cuda.grid(1)
     if i >= x.shape[1]:
@@ -106,7 +106,7 @@ def _put_back(x, v, before, now, back, jump, mass, dt, found, events, values):
                 values[3 + q, at] = mass * speed * n
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _places(found, events, x, values):
     k = cuda.grid(1)
     if k < found:

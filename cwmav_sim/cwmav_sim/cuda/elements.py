@@ -176,7 +176,7 @@ def _incident(
     return tuple(np.ascontiguousarray(v, np.int32) for v in (triangles.T, first, around_node))  # type: ignore[return-value]
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _node_normals(nodes, triangles, first, incident, normal):
     """Sum the area vectors of the triangles around every node."""
     i = cuda.grid(1)
@@ -196,7 +196,7 @@ def _node_normals(nodes, triangles, first, incident, normal):
     normal[2, i] = sz
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _place(
     nodes,
     node_normal,
@@ -261,7 +261,7 @@ def _normalise(rows, first, e, least):
     rows[first + 2, e] = z / length
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _pack_elements(placed, key, order, cells, low, cell, integers, rows, column, cell_of, panel):
     j = cuda.grid(1)
     if j >= order.shape[0]:
@@ -283,14 +283,14 @@ def _pack_elements(placed, key, order, cells, low, cell, integers, rows, column,
     panel[j] = p
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _pick(picked, values, out):
     i = cuda.grid(1)
     if i < picked.shape[0]:
         out[i] = values[picked[i]]
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _pack_probes(placed, probe, depth, key, order, cells, low, cell, integers, rows, column):
     j = cuda.grid(1)
     if j >= order.shape[0]:

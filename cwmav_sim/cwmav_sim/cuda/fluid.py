@@ -3,8 +3,9 @@
 
 Neighbours are taken row by row (see ``rows``). A row is looked through in pieces: first the places within the
 support are marked in the bits of an integer, then only these are summed. Threads of a warp work on particles
-of the same row, so they want the same memory and about the same number of pairs. The innermost loops count in
-unsigned integers of 32 bits, which spares them the arithmetic for negative and for long indices.
+of the same row, so they want the same memory and about the same number of pairs. The innermost loops load
+whole records (see ``vector``) and count in unsigned integers of 32 bits, which spares them the arithmetic for
+negative and for long indices.
 """
 
 from __future__ import annotations
@@ -28,10 +29,23 @@ from cwmav_sim.cuda.cells import (
     place_of,
 )
 from cwmav_sim.cuda.pair import add_pair, no_sums
-from cwmav_sim.cuda.rows import REACH, extent, row, run
+from cwmav_sim.cuda.rows import REACH, extent, laps, row, run
+from cwmav_sim.cuda.vector import (
+    COLUMN,
+    DENSITY,
+    MOVE_X,
+    MOVE_Y,
+    MOVE_Z,
+    PLACE_X,
+    PLACE_Y,
+    PLACE_Z,
+    PRESSURE,
+    VOLUME,
+    four,
+    two,
+)
 from cwmav_sim.cuda.visibility import hidden
 from cwmav_sim.sph.forces import DIFFUSION, FOUR_NU, RHO0, SLOPE
-from cwmav_sim.sph.pair import DENSITY, PRESSURE, VOLUME, VX, VY, VZ, X, Y, Z
 
 PIECE = 31  # places whose marks fit into a positive integer of 32 bits
 
@@ -39,8 +53,8 @@ PIECE = 31  # places whose marks fit into a positive integer of 32 bits
 EOS_DENSITY, EOS_STIFFNESS, EOS_GAMMA, EOS_BACKGROUND = range(4)
 
 
-@cuda.jit
-def pack(x, v, rho, key, order, low, cell, integers, eos, mass, fluid, column, cell_of):
+@cuda.jit(cache=True)
+def pack(x, v, rho, key, order, low, cell, integers, eos, mass, place, move, state, cell_of):
     """Put the particles into cell order, in the precision of the pairs.
 
     Parameters
@@ -55,28 +69,29 @@ def pack(x, v, rho, key, order, low, cell, integers, eos, mass, fluid, column, c
         Density at rest, stiffness, exponent and background pressure.
     mass : float
         Mass of a particle [kg].
-    fluid : array, shape (9, n)
-        Filled as ``cwmav_sim.sph.pair`` names the rows; positions relative to the centre of the own cell.
-    column, cell_of : array, shape (n,)
-        Filled with the x index and the number of the cell at every place.
+    place, move, state : array, shape (n, 4), (n, 4) and (n, 2)
+        Filled with the records; positions are relative to the centre of the own cell, whose x index is the
+        column.
+    cell_of : array, shape (n,)
+        Filled with the number of the cell at every place.
     """
     j = cuda.grid(1)
     if j < order.shape[0]:
         i = order[j]
         c = key[i]
         cx, cy, cz = place_of(c, integers)
-        fluid[X, j] = x[0, i] - low[0] - (cx + 0.5) * cell[0]
-        fluid[Y, j] = x[1, i] - low[1] - (cy + 0.5) * cell[1]
-        fluid[Z, j] = x[2, i] - low[2] - (cz + 0.5) * cell[2]
-        fluid[VX, j] = v[0, i]
-        fluid[VY, j] = v[1, i]
-        fluid[VZ, j] = v[2, i]
+        place[j, PLACE_X] = x[0, i] - low[0] - (cx + 0.5) * cell[0]
+        place[j, PLACE_Y] = x[1, i] - low[1] - (cy + 0.5) * cell[1]
+        place[j, PLACE_Z] = x[2, i] - low[2] - (cz + 0.5) * cell[2]
+        place[j, COLUMN] = cx
+        move[j, MOVE_X] = v[0, i]
+        move[j, MOVE_Y] = v[1, i]
+        move[j, MOVE_Z] = v[2, i]
         density = rho[i]
         ratio = density / eos[EOS_DENSITY]
-        fluid[DENSITY, j] = density - eos[EOS_DENSITY]
-        fluid[PRESSURE, j] = eos[EOS_STIFFNESS] * (ratio ** eos[EOS_GAMMA] - 1.0) + eos[EOS_BACKGROUND]
-        fluid[VOLUME, j] = mass / density
-        column[j] = cx
+        state[j, DENSITY] = density - eos[EOS_DENSITY]
+        state[j, PRESSURE] = eos[EOS_STIFFNESS] * (ratio ** eos[EOS_GAMMA] - 1.0) + eos[EOS_BACKGROUND]
+        move[j, VOLUME] = mass / density
         cell_of[j] = c
 
 
@@ -84,7 +99,9 @@ def _make_pass(hides: bool) -> Any:
     """Return the pass over particles that see no wall, or over those listed as near one."""
 
     @cuda.jit(device=True, fastmath=True)
-    def sum_run(fluid, column, first, last, at, sign, a, sums, reach, k, shifting, signed, inside, panels, i):
+    def sum_run(
+        place, move, state, first, last, at, sign, a, sums, reach, k, shifting, signed, inside, panels, i
+    ):
         """Add the places ``first`` .. ``last - 1`` to the sums of the particle at place ``i``.
 
         ``at`` is its position as seen from the row, and its column; ``sign`` is -1 in a mirror image.
@@ -97,9 +114,10 @@ def _make_pass(hides: bool) -> Any:
             bit = np.int32(1)
             j = begin
             while j < end:
-                dx = xa - fluid[X, j] + (column_a - column[j]) * reach[CELL_X]
-                dy = ya - sign * fluid[Y, j]
-                dz = za - fluid[Z, j]
+                xb, yb, zb, column_b = four(place, j)
+                dx = xa - xb + (column_a - column_b) * reach[CELL_X]
+                dy = ya - sign * yb
+                dz = za - zb
                 if dx * dx + dy * dy + dz * dz < reach[SUPPORT2]:
                     marks = np.int32(marks | bit)
                 bit = np.int32(bit << 1)
@@ -107,29 +125,25 @@ def _make_pass(hides: bool) -> Any:
             while marks != 0:
                 j = np.uint32(begin + cuda.ffs(marks) - 1)
                 marks = np.int32(marks & (marks - 1))
-                dx = xa - fluid[X, j] + (column_a - column[j]) * reach[CELL_X]
-                dy = ya - sign * fluid[Y, j]
-                dz = za - fluid[Z, j]
-                volume = fluid[VOLUME, j]
+                xb, yb, zb, column_b = four(place, j)
+                dx = xa - xb + (column_a - column_b) * reach[CELL_X]
+                dy = ya - sign * yb
+                dz = za - zb
+                ub, vb, wb, volume = four(move, j)
+                density, pressure = two(state, j)
                 if hides and hidden(signed, inside, i, signed, inside, j, sign < reach[ZERO], panels):
                     volume = reach[ZERO]
                 apart = (dx, dy, dz, dx * dx + dy * dy + dz * dz)
-                b = (
-                    fluid[VX, j],
-                    sign * fluid[VY, j],
-                    fluid[VZ, j],
-                    fluid[DENSITY, j],
-                    fluid[PRESSURE, j],
-                    volume,
-                )
+                b = (ub, sign * vb, wb, density, pressure, volume)
                 sums = add_pair(sums, apart, a, b, k, shifting)
             begin = end
         return sums
 
-    @cuda.jit(fastmath=True)
+    @cuda.jit(cache=True, fastmath=True)
     def fluid_pass(
-        fluid,
-        column,
+        place,
+        move,
+        state,
         cell_of,
         start,
         order,
@@ -150,7 +164,7 @@ def _make_pass(hides: bool) -> Any:
         shift,
     ):
         t = cuda.grid(1)
-        if t >= fluid.shape[1]:
+        if t >= order.shape[0]:
             return
         i = t
         if hides:
@@ -161,8 +175,10 @@ def _make_pass(hides: bool) -> Any:
             return
         cx, cy, cz = place_of(cell_of[i], integers)
         nx, reach_y = integers[NX], integers[REACH_Y]
-        x, y, z = fluid[X, i], fluid[Y, i], fluid[Z, i]
-        a = (fluid[VX, i], fluid[VY, i], fluid[VZ, i], fluid[DENSITY, i], fluid[PRESSURE, i])
+        x, y, z, column = four(place, i)
+        ua, va, wa, _ = four(move, i)
+        density, pressure = two(state, i)
+        a = (ua, va, wa, density, pressure)
         one = reach[ONE]
         sums = no_sums(k)
         shift_z = reach[MINUS_TWO]
@@ -175,14 +191,15 @@ def _make_pass(hides: bool) -> Any:
                 if low <= high:
                     base, side = row(integers, cy, cz, dy, dz)
                     sign = one if side > 0 else -one
-                    column_a = column[i] + reach[COLUMNS]
-                    lap = np.int32(-1)
-                    while lap < 2:
+                    lap, last_lap = laps(nx, cx + low, cx + high)
+                    column_a = column + reach[COLUMNS] if lap < 0 else column
+                    while lap <= last_lap:
                         first, last = run(start, base, nx, cx + low, cx + high, lap)
                         at = (x, y - shift_y * reach[CELL_Y], z - shift_z * reach[CELL_Z], column_a)
                         sums = sum_run(
-                            fluid,
-                            column,
+                            place,
+                            move,
+                            state,
                             first,
                             last,
                             at,
@@ -203,18 +220,18 @@ def _make_pass(hides: bool) -> Any:
                 dy = np.int32(dy + 1)
             shift_z += one
             dz = np.int32(dz + 1)
-        place = order[i]
-        rho = scale[RHO0] + fluid[DENSITY, i]
+        number = order[i]
+        rho = scale[RHO0] + density
         slope = scale[SLOPE]
-        acceleration[0, place] = slope * (scale[FOUR_NU] * sums[5] - sums[2] / rho)
-        acceleration[1, place] = slope * (scale[FOUR_NU] * sums[6] - sums[3] / rho)
-        acceleration[2, place] = slope * (scale[FOUR_NU] * sums[7] - sums[4] / rho) + gravity
+        acceleration[0, number] = slope * (scale[FOUR_NU] * sums[5] - sums[2] / rho)
+        acceleration[1, number] = slope * (scale[FOUR_NU] * sums[6] - sums[3] / rho)
+        acceleration[2, number] = slope * (scale[FOUR_NU] * sums[7] - sums[4] / rho) + gravity
         diffusion = scale[DIFFUSION] if keep_diffusion or not hides else 0.0
-        density_rate[place] = slope * (rho * sums[0] - diffusion * sums[1])
+        density_rate[number] = slope * (rho * sums[0] - diffusion * sums[1])
         if shifting:
-            shift[0, place] = slope * sums[8]
-            shift[1, place] = slope * sums[9]
-            shift[2, place] = slope * sums[10]
+            shift[0, number] = slope * sums[8]
+            shift[1, number] = slope * sums[9]
+            shift[2, number] = slope * sums[10]
 
     return fluid_pass
 

@@ -54,7 +54,7 @@ def confine(x, y, z, vy, low, size, mirrored):
     return around(x, low[0], size[0]), y, around(z, low[2], size[2]), vy
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def confine_all(x, v, low, size, mirrored):
     """Bring all particles back into the box, in place."""
     i = cuda.grid(1)
@@ -66,7 +66,7 @@ def confine_all(x, v, low, size, mirrored):
         v[1, i] = vy
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def predict(x, v, rho, acceleration, density_rate, half, low, size, mirrored, x_out, v_out, rho_out, partial):
     """Fill in the particles ``half`` [s] ahead, and the largest squared acceleration of every block."""
     part = cuda.shared.array(THREADS, nb.float64)
@@ -141,7 +141,7 @@ def eased(mx, my, mz, sides, i, k):
     return mx, my, mz
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def correct(
     x, v, rho, middle, acceleration, density_rate, shift, sides, dt, strength, k, low, size, mirrored, partial
 ):
@@ -215,7 +215,7 @@ def correct(
         partial[t, cuda.blockIdx.x] = found
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def reorder(order, x, v, rho, identity, sides, x_out, v_out, rho_out, identity_out, sides_out):
     """Store the particles, and what is kept of their sides, in another order."""
     j = cuda.grid(1)
@@ -231,7 +231,7 @@ def reorder(order, x, v, rho, identity, sides, x_out, v_out, rho_out, identity_o
                 sides_out[panel, q, j] = sides[panel, q, i]
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def half_squares(v, partial):
     """Fill in the sum of the velocities (3) and of half their squares of every block, shape (4, blocks)."""
     part = cuda.shared.array((4, THREADS), nb.float64)

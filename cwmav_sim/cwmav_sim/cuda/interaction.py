@@ -16,12 +16,12 @@ from cwmav_sim.cuda.nearness import OWN_ROWS, Nearness
 from cwmav_sim.cuda.reactions import reaction_pass
 from cwmav_sim.cuda.scan import reduce_blocks
 from cwmav_sim.cuda.state import CardParticles
+from cwmav_sim.cuda.vector import MOVE_SIZE, PLACE_SIZE, STATE_SIZE
 from cwmav_sim.cuda.walled import wall_pass
 from cwmav_sim.sph.cells import Grid
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.forces import LOAD_SIZE, REACTION_SIZE
 from cwmav_sim.sph.interaction import Interaction
-from cwmav_sim.sph.pair import FLUID_ROWS
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.timers import Timers
@@ -71,7 +71,7 @@ class CardInteraction:
         self._scale = (*floats(host._scale[:4]), mass)
         self._eos = (eos.density, eos.stiffness, eos.gamma, eos.background)
         self._sort = CellSort(count, grid.cells)
-        self._fluid, self._column = empty((FLUID_ROWS, count), dtype), empty(count, dtype)
+        self._records = tuple(empty((count, size), dtype) for size in (PLACE_SIZE, MOVE_SIZE, STATE_SIZE))
         self._cell_of = empty(count, np.int32)
         self.acceleration, self.density_rate = empty((3, count)), empty(count)
         self.shift = zeros((3, count))
@@ -125,17 +125,15 @@ class CardInteraction:
             grid.integers,
             self._eos,
             self._mass,
-            self._fluid,
-            self._column,
+            *self._records,
             self._cell_of,
         )
         walls = self._walls if nodes is not None else None
         if walls is not None and nodes is not None:
             walls.place(nodes)
-            near.find(self._fluid, self._column, self._cell_of, sort, walls, own)
+            near.find(self._records[0], self._cell_of, sort, walls, own)
         fluid_arguments = (
-            self._fluid,
-            self._column,
+            *self._records,
             self._cell_of,
             sort.start,
             sort.order,
@@ -162,8 +160,7 @@ class CardInteraction:
         launch(
             wall_pass,
             count,
-            self._fluid,
-            self._column,
+            *self._records,
             self._cell_of,
             sort.order,
             near.before,
@@ -207,8 +204,7 @@ class CardInteraction:
             walls.cell_of,
             walls.panel,
             walls.sort.order,
-            self._fluid,
-            self._column,
+            *self._records,
             self._sort.start,
             near.signed,
             near.inside,

@@ -73,7 +73,7 @@ def clear(array: CardArray) -> None:
     launch(_clear, flat.shape[0], flat)
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _clear(values):
     i = cuda.grid(1)
     if i < values.shape[0]:

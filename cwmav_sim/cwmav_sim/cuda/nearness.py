@@ -22,8 +22,9 @@ from cwmav_sim.cuda.cells import (
 )
 from cwmav_sim.cuda.elements import CardElements
 from cwmav_sim.cuda.launch import CardArray, clear, empty, launch, zeros
-from cwmav_sim.cuda.rows import REACH, row, run
+from cwmav_sim.cuda.rows import REACH, laps, row, run
 from cwmav_sim.cuda.scan import Scan
+from cwmav_sim.cuda.vector import four
 
 OWN_ROWS = 5  # signed distance, distance inside the outline, normal
 
@@ -66,8 +67,7 @@ class Nearness:
 
     def find(
         self,
-        fluid: CardArray,
-        column: CardArray,
+        places: CardArray,
         cell_of: CardArray,
         sort: CellSort,
         walls: CardElements,
@@ -96,9 +96,8 @@ class Nearness:
         )
         launch(
             _locate_particles,
-            fluid.shape[1],
-            fluid,
-            column,
+            places.shape[0],
+            places,
             cell_of,
             sort.order,
             self.before,
@@ -122,7 +121,7 @@ class Nearness:
         )
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _mark(cell_of, integers, marks):
     """Mark the cells within reach of every element; all write the same value."""
     e = cuda.grid(1)
@@ -137,14 +136,14 @@ def _mark(cell_of, integers, marks):
                 marks[base + (cx + dx + nx) % nx] = 1
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _count_near(start, marks):
     c = cuda.grid(1)
     if c < marks.shape[0]:
         marks[c] = start[c + 1] - start[c] if marks[c] > 0 else 0
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _list_near(start, before, listed):
     c = cuda.grid(1)
     if c + 1 < start.shape[0]:
@@ -153,17 +152,20 @@ def _list_near(start, before, listed):
 
 
 @cuda.jit(device=True, fastmath=True)
-def _nearest(x, y, z, column_a, place, base_cell, image, probes, probe_column, start, integers, reach):
+def _nearest(at, cell_place, base_cell, image, probes, probe_column, start, integers, reach):
     """Return the vector from the nearest probe around a point, its place or -1, and its sign.
 
     ``image`` 1 takes the probes themselves, -1 their mirror images.
     """
-    cx, cy, cz = place
+    x, y, z, own_column = at
+    cx, cy, cz = cell_place
     nx, reach_y = integers[NX], integers[REACH_Y]
     zero, one = reach[ZERO], reach[ONE]
     best_x = best_y = best_z = best_sign = zero
     best = reach[CELL_X] * reach[COLUMNS] * reach[COLUMNS] + one
     found = np.int32(-1)
+    first_lap, last_lap = laps(nx, cx - REACH, cx + REACH)
+    first_column = own_column + reach[COLUMNS] if first_lap < 0 else own_column
     shift_z = reach[MINUS_TWO]
     for dz in range(-REACH, REACH + 1):
         shift_y = reach[MINUS_TWO] if reach_y > 0 else zero
@@ -171,8 +173,8 @@ def _nearest(x, y, z, column_a, place, base_cell, image, probes, probe_column, s
             base, side = row(integers, cy, cz, dy, dz)
             if side == image:
                 sign = one if side > 0 else -one
-                column = column_a + reach[COLUMNS]
-                for lap in range(-1, 2):
+                column = first_column
+                for lap in range(first_lap, last_lap + 1):
                     first, last = run(start, base_cell + base, nx, cx - REACH, cx + REACH, lap)
                     for j in range(first, last):
                         dx = x - probes[0, j] + (column - probe_column[j]) * reach[CELL_X]
@@ -198,23 +200,12 @@ def _distances(dx, dy, dz, j, sign, probes):
 
 
 @cuda.jit(device=True, fastmath=True)
-def _measure(points, column, i, place, c, panels, cells, probes, probe_column, start, integers, reach):
+def _measure(at, cell_place, c, panels, cells, probes, probe_column, start, integers, reach):
     """Return whether wall or image ``c`` is in reach of a point, its distances from it, and the normal."""
     image = 1 if c < panels else -1
     panel = c if c < panels else c - panels
     dx, dy, dz, j, sign = _nearest(
-        points[0, i],
-        points[1, i],
-        points[2, i],
-        column[i],
-        place,
-        panel * cells,
-        image,
-        probes,
-        probe_column,
-        start,
-        integers,
-        reach,
+        at, cell_place, panel * cells, image, probes, probe_column, start, integers, reach
     )
     zero = reach[ZERO]
     if j < 0:
@@ -223,10 +214,9 @@ def _measure(points, column, i, place, c, panels, cells, probes, probe_column, s
     return True, s, d, nx, ny, nz
 
 
-@cuda.jit(fastmath=True)
+@cuda.jit(cache=True, fastmath=True)
 def _locate_particles(
-    fluid,
-    column,
+    places,
     cell_of,
     order,
     before,
@@ -245,11 +235,11 @@ def _locate_particles(
     if t >= before[before.shape[0] - 1]:
         return
     i = listed[t]
-    place = place_of(cell_of[i], integers)
+    at, cell_place = four(places, i), place_of(cell_of[i], integers)
     panels = own.shape[0]
     for c in range(signed.shape[0]):
         there, s, d, nx, ny, nz = _measure(
-            fluid, column, i, place, c, panels, cells, probes, probe_column, start, integers, reach
+            at, cell_place, c, panels, cells, probes, probe_column, start, integers, reach
         )
         if there:
             signed[c, i] = s
@@ -263,7 +253,7 @@ def _locate_particles(
                 own[c, 4, number] = nz
 
 
-@cuda.jit(fastmath=True)
+@cuda.jit(cache=True, fastmath=True)
 def _locate_elements(
     elements,
     column,
@@ -282,12 +272,13 @@ def _locate_elements(
     e = cuda.grid(1)
     if e >= cell_of.shape[0]:
         return
-    place = place_of(cell_of[e], integers)
+    cell_place = place_of(cell_of[e], integers)
+    at = (elements[0, e], elements[1, e], elements[2, e], column[e])
     for c in range(signed.shape[0]):
         if c == of_panel[e]:
             signed[c, e] = 0.0
             inside[c, e] = 0.0
         else:
             _, signed[c, e], inside[c, e], _, _, _ = _measure(
-                elements, column, e, place, c, panels, cells, probes, probe_column, start, integers, reach
+                at, cell_place, c, panels, cells, probes, probe_column, start, integers, reach
             )

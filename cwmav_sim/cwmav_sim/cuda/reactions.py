@@ -23,25 +23,26 @@ from cwmav_sim.cuda.cells import (
     ZERO,
     place_of,
 )
-from cwmav_sim.cuda.rows import REACH, extent, row, run
+from cwmav_sim.cuda.rows import REACH, extent, laps, row, run
+from cwmav_sim.cuda.vector import four, two
 from cwmav_sim.cuda.visibility import hidden
 from cwmav_sim.cuda.wall import wall_terms
-from cwmav_sim.sph.pair import DENSITY, PRESSURE, VX, VY, VZ, X, Y, Z
 from cwmav_sim.sph.wall import AREA, EVX, EVY, EVZ, EX, EY, EZ, NORMAL_ACCELERATION
 from cwmav_sim.sph.wall import NX as NORMAL_X
 from cwmav_sim.sph.wall import NY as NORMAL_Y
 from cwmav_sim.sph.wall import NZ as NORMAL_Z
 
 
-@cuda.jit(fastmath=True)
+@cuda.jit(cache=True, fastmath=True)
 def reaction_pass(
     elements,
     element_column,
     element_cell,
     of_panel,
     number,
-    fluid,
-    column,
+    place,
+    move,
+    state,
     start,
     signed,
     inside,
@@ -75,19 +76,24 @@ def reaction_pass(
             sign = one if side > 0 else -one
             channel = panel if side > 0 else panel + panels
             if low <= high:
-                column_e = element_column[e] + reach[COLUMNS]
-                for lap in range(-1, 2):
+                first_lap, last_lap = laps(nx, cx + low, cx + high)
+                own = element_column[e]
+                column_e = own + reach[COLUMNS] if first_lap < 0 else own
+                for lap in range(first_lap, last_lap + 1):
                     first, last = run(start, base, nx, cx + low, cx + high, lap)
                     for j in range(first, last):
-                        ax = fluid[X, j] - x - (column_e - column[j]) * reach[CELL_X]
-                        ay = sign * fluid[Y, j] - y + shift_y * reach[CELL_Y]
-                        az = fluid[Z, j] - z + shift_z * reach[CELL_Z]
+                        xb, yb, zb, column_b = four(place, j)
+                        ax = xb - x - (column_e - column_b) * reach[CELL_X]
+                        ay = sign * yb - y + shift_y * reach[CELL_Y]
+                        az = zb - z + shift_z * reach[CELL_Z]
                         r2 = ax * ax + ay * ay + az * az
                         if r2 >= reach[SUPPORT2]:
                             continue
                         if hidden(signed_e, inside_e, e, signed, inside, j, side < 0, panels):
                             continue
-                        du, dv, dw = fluid[VX, j] - u, sign * fluid[VY, j] - v, fluid[VZ, j] - w
+                        ub, vb, wb, _ = four(move, j)
+                        density, pressure = two(state, j)
+                        du, dv, dw = ub - u, sign * vb - v, wb - w
                         force, drag, ex, ey, ez, _, _, along = wall_terms(
                             (ax, ay, az, r2),
                             du,
@@ -97,8 +103,8 @@ def reaction_pass(
                             elements[NORMAL_ACCELERATION, e],
                             elements[AREA, e],
                             signed[channel, j],
-                            fluid[DENSITY, j],
-                            fluid[PRESSURE, j],
+                            density,
+                            pressure,
                             k,
                         )
                         fx -= force * ex + drag * du

@@ -85,6 +85,14 @@ def extent(reach, x, y, z, shift_y, shift_z):
 
 
 @cuda.jit(device=True)
+def laps(nx, low, high):
+    """Return the first and the last lap that the cells ``low``..``high`` of a row lie in."""
+    first = np.int32(-1) if low < 0 else np.int32(0)
+    last = np.int32(1) if high >= nx else np.int32(0)
+    return first, last
+
+
+@cuda.jit(device=True)
 def run(start, base, nx, low, high, lap):
     """Return the places, first and one after the last, of the cells ``low``..``high`` of a row within a lap.
 

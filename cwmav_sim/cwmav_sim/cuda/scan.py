@@ -36,7 +36,7 @@ class Scan:
         launch(_spread, chunks, values, self._totals, out)
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _chunk_totals(values, totals):
     t = cuda.grid(1)
     if t < totals.shape[0]:
@@ -46,7 +46,7 @@ def _chunk_totals(values, totals):
         totals[t] = total
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _scan_totals(totals):
     """Run by one block: every thread takes a stretch of the totals, the first thread those of the others."""
     part = cuda.shared.array(THREADS, nb.int64)
@@ -74,7 +74,7 @@ def _scan_totals(totals):
         running += value
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _spread(values, totals, out):
     t = cuda.grid(1)
     if t < totals.shape[0]:
@@ -94,7 +94,7 @@ def reduce_blocks(partial: CardArray, largest: int, out: CardArray, at: int) -> 
     _reduce_blocks[partial.shape[0], THREADS](partial, largest, out, at)
 
 
-@cuda.jit
+@cuda.jit(cache=True)
 def _reduce_blocks(partial, largest, out, at):
     part = cuda.shared.array(THREADS, nb.float64)
     row = cuda.blockIdx.x

@@ -20,11 +20,11 @@ from cwmav_sim.cuda.cells import (
     place_of,
 )
 from cwmav_sim.cuda.launch import THREADS
-from cwmav_sim.cuda.rows import REACH, row, run
+from cwmav_sim.cuda.rows import REACH, laps, row, run
+from cwmav_sim.cuda.vector import DENSITY, PLACE_X, PLACE_Y, PLACE_Z, four, two
 from cwmav_sim.cuda.visibility import hidden
 from cwmav_sim.cuda.wall import wall_terms
 from cwmav_sim.sph.forces import LOAD_SIZE, MASS, RHO0
-from cwmav_sim.sph.pair import DENSITY, PRESSURE, VX, VY, VZ, X, Y, Z
 from cwmav_sim.sph.wall import (
     AREA,
     EVX,
@@ -48,10 +48,11 @@ from cwmav_sim.sph.wall import (
 
 @cuda.jit(device=True, fastmath=True)
 def _sum_channel(
-    fluid,
-    column,
-    i,
     place,
+    move,
+    state,
+    i,
+    cell_place,
     c,
     signed,
     inside,
@@ -67,17 +68,14 @@ def _sum_channel(
     k,
 ):
     """Return the twelve wall sums of the particle at place ``i`` for one wall or one image of a wall."""
-    cx, cy, cz = place
+    cx, cy, cz = cell_place
     nx, reach_y = integers[NX], integers[REACH_Y]
     one, zero = reach[ONE], reach[ZERO]
-    x, y, z = fluid[X, i], fluid[Y, i], fluid[Z, i]
-    ua, va, wa, density, pressure = (
-        fluid[VX, i],
-        fluid[VY, i],
-        fluid[VZ, i],
-        fluid[DENSITY, i],
-        fluid[PRESSURE, i],
-    )
+    x, y, z, column = four(place, i)
+    ua, va, wa, _ = four(move, i)
+    density, pressure = two(state, i)
+    first_lap, last_lap = laps(nx, cx - REACH, cx + REACH)
+    first_column = column + reach[COLUMNS] if first_lap < 0 else column
     image = 1 if c < panels else -1
     sign = one if c < panels else -one
     side_a = signed[c, i]
@@ -89,8 +87,8 @@ def _sum_channel(
             base, side = row(integers, cy, cz, dy, dz)
             if side == image:
                 # All cells of the row: an element of a wall that crosses the mirror lies outside its cell.
-                column_a = column[i] + reach[COLUMNS]
-                for lap in range(-1, 2):
+                column_a = first_column
+                for lap in range(first_lap, last_lap + 1):
                     first, last = run(start, base_cell + base, nx, cx - REACH, cx + REACH, lap)
                     for j in range(first, last):
                         ax = x - elements[EX, j] + (column_a - element_column[j]) * reach[CELL_X]
@@ -134,10 +132,11 @@ def _sum_channel(
     return px, py, pz, fx, fy, fz, div, sx, sy, sz, pp, pf
 
 
-@cuda.jit(fastmath=True)
+@cuda.jit(cache=True, fastmath=True)
 def wall_pass(
-    fluid,
-    column,
+    place,
+    move,
+    state,
     cell_of,
     order,
     near,
@@ -179,11 +178,11 @@ def wall_pass(
     cuda.syncthreads()
     at = cuda.grid(1)
     i = listed[at] if at < total else listed[0]
-    place = place_of(cell_of[i], integers)
-    cx, cy, cz = place
-    x = low[0] + (cx + 0.5) * cell[0] + fluid[X, i]
-    y = low[1] + (cy + 0.5) * cell[1] + fluid[Y, i]
-    z = low[2] + (cz + 0.5) * cell[2] + fluid[Z, i]
+    cell_place = place_of(cell_of[i], integers)
+    cx, cy, cz = cell_place
+    x = low[0] + (cx + 0.5) * cell[0] + place[i, PLACE_X]
+    y = low[1] + (cy + 0.5) * cell[1] + place[i, PLACE_Y]
+    z = low[2] + (cz + 0.5) * cell[2] + place[i, PLACE_Z]
     number = order[i]
     mass = scale[MASS]
     for c in range(signed.shape[0]):
@@ -192,10 +191,11 @@ def wall_pass(
             part[q, t] = 0.0
         if at < total:
             px, py, pz, fx, fy, fz, div, sx, sy, sz, pp, pf = _sum_channel(
-                fluid,
-                column,
-                i,
                 place,
+                move,
+                state,
+                i,
+                cell_place,
                 c,
                 signed,
                 inside,
@@ -213,7 +213,7 @@ def wall_pass(
             acceleration[0, number] += px + fx
             acceleration[1, number] += py + fy
             acceleration[2, number] += pz + fz
-            density_rate[number] += (scale[RHO0] + fluid[DENSITY, i]) * div
+            density_rate[number] += (scale[RHO0] + state[i, DENSITY]) * div
             if shifting:
                 shift[0, number] += sx
                 shift[1, number] += sy

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from cwmav_sim.cuda.device import find_card
+from support import cuda_cases
 
 ROUNDING = 1e-11  # pairs in double precision: the order of the sums is all that differs
 EXACT = 0.0
@@ -63,6 +64,22 @@ def test_a_real_card_finds_what_the_processor_finds(name, allowed):
     if not find_card().usable:
         pytest.skip(find_card().missing)
     assert_within(check(name), allowed)
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("name", cuda_cases.cases())
+def test_a_real_card_begins_a_verification_case_like_the_processor(name):
+    if not find_card().usable:
+        pytest.skip(find_card().missing)
+    found = json.loads(run("support.cuda_cases", name).stdout)
+    del found["particles"]
+    assert_within(found, 1e-8)
+
+
+def test_comparing_a_verification_case_with_itself_finds_no_difference():
+    found = json.loads(run("support.cuda_cases", "taylor-green", "--host").stdout)
+    assert found.pop("particles") > 1000
+    assert_within(found, EXACT)
 
 
 def test_every_kernel_compiles_for_a_card_as_far_as_that_goes_without_one():
