@@ -16,6 +16,7 @@ from cwmav_sim.case import Case
 from cwmav_sim.devices import card_name, make_solver
 from cwmav_sim.machine import MachineLimits, measure_limits
 from cwmav_sim.solver import Solver
+from cwmav_sim.sph.settings import Box
 
 _PASSES = 2  # force evaluations of a predictor-corrector step
 _LEAST, _AIM = 60e6, 150e6  # particle-steps per second on one data-centre card, 2.1 million particles
@@ -234,7 +235,7 @@ def _largest_size(case: Case) -> int:
 def sized_case(particles: int) -> Case:
     """Return the half model with the spacing that fills its box with about ``particles`` particles."""
     base = cases.preset("smoke")
-    box = cases.preset("coarse").flow.box  # roomy enough for large spacings
+    box = Box()  # roomy enough for large spacings
     dp = (0.5 * box.length * box.width * box.height / particles) ** (1.0 / 3.0)
     gap = math.degrees(math.asin(min(0.3, 2.0 * dp / (1.4 * base.wing.length))))
     kinematics = replace(base.kinematics, clap_half_gap_deg=max(gap, 2.5))

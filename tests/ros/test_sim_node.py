@@ -72,7 +72,7 @@ def test_lift_from_a_live_run_keeps_the_angle(ros: Ros, sim: SimNode) -> None:
 @pytest.mark.parametrize(
     ("fidelity", "frequency", "expected"),
     [
-        ("finest", 12.0, "fidelity is 'finest'; allowed: table, smoke, coarse, default, paper"),
+        ("finest", 12.0, "fidelity is 'finest'; allowed: table, smoke, coarse, fine, default, paper"),
         ("table", 31.0, "allowed: 4 to 30 Hz"),
         ("smoke", 31.0, "flapping_frequency"),
         ("smoke", fakes.REFUSE, "refused, as asked"),

@@ -11,9 +11,11 @@ import json
 import sys
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from cwmav_sim.devices import make_solver
 from cwmav_sim.solver import Solver
 from cwmav_sim.verification.catalogue import catalogue
 
@@ -21,7 +23,7 @@ STEPS = 6
 COMPOSED = ("convergence",)  # of other cases
 
 
-class Compared(Exception):
+class ComparedError(Exception):
     """Ends a case with what was found."""
 
 
@@ -30,8 +32,8 @@ def cases():
     return [c.name for c in catalogue() if not c.name.startswith("structure-") and c.name not in COMPOSED]
 
 
-def compare(name, card_class, double=True):
-    """Return the differences after some steps of a case."""
+def compare(name, other, double=True):
+    """Return the differences after some steps of a case on the processor and on the ``other`` device."""
     case = next(c for c in catalogue() if c.name == name)
     module = sys.modules[type(case).__module__]
 
@@ -40,13 +42,13 @@ def compare(name, card_class, double=True):
             settings = replace(settings, resolution=replace(settings.resolution, precision="double"))
         own = deepcopy(motion)
         host = Solver(settings, motion, airspeed, **options)
-        card = card_class(settings, own, airspeed, **options)
-        raise Compared(_differences(host, card, settings))
+        card = other(settings, own, airspeed, **options)
+        raise ComparedError(_differences(host, card, settings))
 
     module.Solver = build
     try:
         case.run()
-    except Compared as found:
+    except ComparedError as found:
         return found.args[0]
     finally:
         module.Solver = Solver
@@ -81,8 +83,5 @@ def _differences(host, card, settings):
 
 
 if __name__ == "__main__":
-    if "--host" in sys.argv:
-        other = Solver
-    else:
-        from cwmav_sim.cuda.solver import CudaSolver as other
-    print(json.dumps(compare(sys.argv[1], other, double="--single" not in sys.argv)))
+    device = "cpu" if "--host" in sys.argv else "cuda"
+    print(json.dumps(compare(sys.argv[1], partial(make_solver, device), double="--single" not in sys.argv)))

@@ -6,6 +6,7 @@ its largest value. Without a card to use, ``--simulate`` runs the kernels in num
 """
 
 import json
+import math
 import sys
 from dataclasses import dataclass, field, replace
 
@@ -29,7 +30,7 @@ from cwmav_sim.sph.pair import pair_constants, sum_pairs
 from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Fringe, Resolution, SheetOptions
 from cwmav_sim.sph.state import Particles
 from cwmav_sim.sph.surfaces import Sides
-from cwmav_sim.verification.plates import OscillatingPlate
+from cwmav_sim.verification.plates import FixedPlate, OscillatingPlate
 
 DP = 0.0125
 FLAT = Box(length=0.15, width=0.15, height=0.15, upstream=0.07, symmetric=False, dimensions=2)
@@ -111,6 +112,11 @@ def open_half():
 def walled_half():
     settings = flow(HALF, fluid=Fluid(sound_speed=20.0, gravity=9.81, background_pressure=5.0))
     return rates(settings, replace(PLATE, frequency=20.0))
+
+
+def walled_mirror():
+    """Compare all around a plate that goes on in its mirror image."""
+    return rates(flow(HALF), FixedPlate(0.05, 0.1, DP / 2, math.radians(30.0), half=True))
 
 
 def walled_flat():
@@ -338,6 +344,7 @@ CHECKS = {
         open_half,
         walled_flat,
         walled_half,
+        walled_mirror,
         steps_flat,
         steps_crossing,
         repeated,

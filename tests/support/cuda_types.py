@@ -24,6 +24,10 @@ CAPABILITY = (9, 0)
 class HostArray(np.ndarray):
     """An array in the memory of the host with the methods of one on the card."""
 
+    @property
+    def __cuda_array_interface__(self):
+        return self.__array_interface__
+
     def copy_to_host(self):
         return np.array(self)
 

@@ -29,7 +29,7 @@ from cwmav_sim.cuda.cells import (
     place_of,
 )
 from cwmav_sim.cuda.pair import add_pair, no_sums
-from cwmav_sim.cuda.rows import REACH, extent, laps, row, run
+from cwmav_sim.cuda.rows import REACH, extent, laps, layer, left_beyond, row, run
 from cwmav_sim.cuda.vector import (
     COLUMN,
     DENSITY,
@@ -184,12 +184,15 @@ def _make_pass(hides: bool) -> Any:
         shift_z = reach[MINUS_TWO]
         dz = np.int32(-REACH)
         while dz <= REACH:
+            room_z = left_beyond(reach[SUPPORT2], reach, reach[CELL_Z], z, shift_z)
+            first_row = layer(integers, cz, dz)
             shift_y = reach[MINUS_TWO] if reach_y > 0 else reach[ZERO]
             dy = np.int32(-reach_y)
             while dy <= reach_y:
-                low, high = extent(reach, x, y, z, shift_y, shift_z)
-                if low <= high:
-                    base, side = row(integers, cy, cz, dy, dz)
+                room = left_beyond(room_z, reach, reach[CELL_Y], y, shift_y)
+                if room > reach[ZERO]:
+                    low, high = extent(reach, x, room)
+                    base, side = row(integers, first_row, cy, dy)
                     sign = one if side > 0 else -one
                     lap, last_lap = laps(nx, cx + low, cx + high)
                     column_a = column + reach[COLUMNS] if lap < 0 else column

@@ -4,18 +4,21 @@
 from __future__ import annotations
 
 import warnings
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import config, cuda
 from numpy.typing import DTypeLike, NDArray
 
+from cwmav_sim.cuda.starting import Starter, pack_array
+
 # Threads of a block; sums over blocks, and so the last bits of results, depend on it. The simulator starts a
 # thread of the operating system for each.
 THREADS = 16 if config.ENABLE_CUDASIM else 128
 
 # Running totals end in a single block, and small cases never fill a card.
-warnings.filterwarnings("ignore", message="Grid size .* under-utilization")
+warnings.filterwarnings("ignore", message=".*Grid size .* under-utilization")
 
 CardArray = Any  # an array in the memory of the card
 
@@ -27,12 +30,25 @@ def blocks(count: int) -> int:
 
 def launch(kernel: Any, count: int, *args: Any) -> None:
     """Run a kernel with a thread for each of ``count`` items; the card works on while the caller goes on."""
-    kernel[blocks(count), THREADS](*args)
+    start_blocks(kernel, blocks(count), *args)
+
+
+def start_blocks(kernel: Any, count: int, *args: Any) -> None:
+    """Run a kernel with so many blocks of threads."""
+    if config.ENABLE_CUDASIM:
+        kernel[count, THREADS](*args)
+    else:
+        _starter(kernel)(count, *args)
+
+
+@cache
+def _starter(kernel: Any) -> Starter:
+    return Starter(kernel, THREADS)
 
 
 def empty(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> CardArray:
     """Return an array on the card with undefined content."""
-    return cuda.device_array(shape, np.dtype(dtype))
+    return _ready(cuda.device_array(shape, np.dtype(dtype)))
 
 
 def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> CardArray:
@@ -42,7 +58,14 @@ def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> CardAr
 
 def upload(values: NDArray) -> CardArray:
     """Return a copy of an array on the card."""
-    return cuda.to_device(np.ascontiguousarray(values))
+    return _ready(cuda.to_device(np.ascontiguousarray(values)))
+
+
+def _ready(array: CardArray) -> CardArray:
+    """Keep the parameters of an array with it."""
+    if not config.ENABLE_CUDASIM:
+        array.packed = pack_array(array)
+    return array
 
 
 class Post:

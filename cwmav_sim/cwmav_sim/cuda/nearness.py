@@ -22,9 +22,10 @@ from cwmav_sim.cuda.cells import (
 )
 from cwmav_sim.cuda.elements import CardElements
 from cwmav_sim.cuda.launch import CardArray, clear, empty, launch, zeros
-from cwmav_sim.cuda.rows import REACH, laps, row, run
+from cwmav_sim.cuda.rows import REACH, laps, layer, row, run
 from cwmav_sim.cuda.scan import Scan
 from cwmav_sim.cuda.vector import four
+from cwmav_sim.sph.surfaces import ON_WALL
 
 OWN_ROWS = 5  # signed distance, distance inside the outline, normal
 
@@ -116,6 +117,7 @@ class Nearness:
             walls.panel,
             walls.panels,
             *search,
+            ON_WALL * grid.cell[0],
             self.element_signed,
             self.element_inside,
         )
@@ -130,8 +132,9 @@ def _mark(cell_of, integers, marks):
     cx, cy, cz = place_of(cell_of[e], integers)
     nx, reach_y = integers[NX], integers[REACH_Y]
     for dz in range(-REACH, REACH + 1):
+        first_row = layer(integers, cz, dz)
         for dy in range(-reach_y, reach_y + 1):
-            base, _ = row(integers, cy, cz, dy, dz)
+            base, _ = row(integers, first_row, cy, dy)
             for dx in range(-REACH, REACH + 1):
                 marks[base + (cx + dx + nx) % nx] = 1
 
@@ -168,9 +171,10 @@ def _nearest(at, cell_place, base_cell, image, probes, probe_column, start, inte
     first_column = own_column + reach[COLUMNS] if first_lap < 0 else own_column
     shift_z = reach[MINUS_TWO]
     for dz in range(-REACH, REACH + 1):
+        first_row = layer(integers, cz, dz)
         shift_y = reach[MINUS_TWO] if reach_y > 0 else zero
         for dy in range(-reach_y, reach_y + 1):
-            base, side = row(integers, cy, cz, dy, dz)
+            base, side = row(integers, first_row, cy, dy)
             if side == image:
                 sign = one if side > 0 else -one
                 column = first_column
@@ -266,6 +270,7 @@ def _locate_elements(
     integers,
     reach,
     cells,
+    on_wall,
     signed,
     inside,
 ):
@@ -279,6 +284,8 @@ def _locate_elements(
             signed[c, e] = 0.0
             inside[c, e] = 0.0
         else:
-            _, signed[c, e], inside[c, e], _, _, _ = _measure(
+            _, s, d, _, _, _ = _measure(
                 at, cell_place, c, panels, cells, probes, probe_column, start, integers, reach
             )
+            signed[c, e] = s if abs(s) >= on_wall else reach[ZERO]
+            inside[c, e] = d

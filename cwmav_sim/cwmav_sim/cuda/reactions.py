@@ -23,7 +23,7 @@ from cwmav_sim.cuda.cells import (
     ZERO,
     place_of,
 )
-from cwmav_sim.cuda.rows import REACH, extent, laps, row, run
+from cwmav_sim.cuda.rows import REACH, extent, laps, layer, left_beyond, row, run
 from cwmav_sim.cuda.vector import four, two
 from cwmav_sim.cuda.visibility import hidden
 from cwmav_sim.cuda.wall import wall_terms
@@ -69,13 +69,16 @@ def reaction_pass(
     fx = fy = fz = carried = zero
     shift_z = reach[MINUS_TWO]
     for dz in range(-REACH, REACH + 1):
+        room_z = left_beyond(reach[SUPPORT2], reach, reach[CELL_Z], z, shift_z)
+        first_row = layer(integers, cz, dz)
         shift_y = reach[MINUS_TWO] if reach_y > 0 else zero
         for dy in range(-reach_y, reach_y + 1):
-            low, high = extent(reach, x, y, z, shift_y, shift_z)
-            base, side = row(integers, cy, cz, dy, dz)
+            room = left_beyond(room_z, reach, reach[CELL_Y], y, shift_y)
+            base, side = row(integers, first_row, cy, dy)
             sign = one if side > 0 else -one
             channel = panel if side > 0 else panel + panels
-            if low <= high:
+            if room > zero:
+                low, high = extent(reach, x, room)
                 first_lap, last_lap = laps(nx, cx + low, cx + high)
                 own = element_column[e]
                 column_e = own + reach[COLUMNS] if first_lap < 0 else own

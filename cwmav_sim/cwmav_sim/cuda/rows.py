@@ -13,15 +13,12 @@ import numpy as np
 from numba import cuda
 
 from cwmav_sim.cuda.cells import (
-    CELL_Y,
-    CELL_Z,
     HALF,
     MIRRORED,
     NX,
     NY,
     NZ,
     PER_CELL_X,
-    SUPPORT2,
     ZERO,
 )
 
@@ -29,9 +26,21 @@ REACH = 2  # cells on either side that hold the support
 
 
 @cuda.jit(device=True)
-def row(integers, cy, cz, dy, dz):
+def layer(integers, cz, dz):
+    """Return the number of the first row of a layer of cells, ``dz`` above that of ``cz``."""
+    ny, nz = integers[NY], integers[NZ]
+    kz = cz + dz
+    if kz < 0:
+        kz += nz
+    elif kz >= nz:
+        kz -= nz
+    return np.int32(kz * ny)
+
+
+@cuda.jit(device=True)
+def row(integers, first_row, cy, dy):
     """Return the number of the first cell of a row, and -1 if the row is a mirror image, otherwise 1."""
-    nx, ny, nz = integers[NX], integers[NY], integers[NZ]
+    nx, ny = integers[NX], integers[NY]
     sign = 1
     ky = cy + dy
     if integers[MIRRORED] != 0:
@@ -45,39 +54,43 @@ def row(integers, cy, cz, dy, dz):
         ky += ny
     elif ky >= ny:
         ky -= ny
-    kz = cz + dz
-    if kz < 0:
-        kz += nz
-    elif kz >= nz:
-        kz -= nz
-    return np.int32((kz * ny + ky) * nx), np.int32(sign)
+    return np.int32((first_row + ky) * nx), np.int32(sign)
 
 
 @cuda.jit(device=True)
-def extent(reach, x, y, z, shift_y, shift_z):
+def left_beyond(room, reach, cell, offset, shift):
+    """Return what is left of a squared reach beyond the gap to cells ``shift`` away along one axis.
+
+    Parameters
+    ----------
+    room : float
+        Squared reach before [m2].
+    reach : tuple
+        Of the grid.
+    cell, offset : float
+        Extent of a cell and position relative to the centre of the own cell along the axis [m].
+    shift : float
+        How many cells the others lie away.
+    """
+    gap = max(abs(shift * cell - offset) - reach[HALF] * cell, reach[ZERO])
+    return room - gap * gap
+
+
+@cuda.jit(device=True)
+def extent(reach, x, room):
     """Return the cells that the support meets in a row, as first and last offset along x.
 
     Parameters
     ----------
     reach : tuple
         Of the grid.
-    x, y, z : float
+    x : float
         Position relative to the centre of the own cell [m].
-    shift_y, shift_z : float
-        How many cells the row lies away.
-
-    Returns
-    -------
-    tuple of int
-        First offset above the last where the row is out of reach.
+    room : float
+        What is left of the squared support beyond the gap to the row [m2], above zero.
     """
-    half, zero = reach[HALF], reach[ZERO]
-    gap_y = max(abs(shift_y * reach[CELL_Y] - y) - half * reach[CELL_Y], zero)
-    gap_z = max(abs(shift_z * reach[CELL_Z] - z) - half * reach[CELL_Z], zero)
-    rest = reach[SUPPORT2] - gap_y * gap_y - gap_z * gap_z
-    if rest <= zero:
-        return np.int32(1), np.int32(0)
-    width = math.sqrt(rest)
+    half = reach[HALF]
+    width = math.sqrt(room)
     first = np.int32(math.floor((x - width) * reach[PER_CELL_X] + half))
     last = np.int32(math.floor((x + width) * reach[PER_CELL_X] + half))
     low, high = np.int32(-REACH), np.int32(REACH)
@@ -98,6 +111,8 @@ def run(start, base, nx, low, high, lap):
 
     Lap 0 is the box itself, -1 and 1 are its periodic images below and above.
     """
+    if lap == 0 and low >= 0 and high < nx:  # almost every row
+        return np.uint32(start[base + low]), np.uint32(start[base + high + 1])
     first = max(low, lap * nx)
     last = min(high, lap * nx + nx - 1)
     if first > last:

@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 from numba import cuda
 
-from cwmav_sim.cuda.launch import THREADS, CardArray, empty, launch
+from cwmav_sim.cuda.launch import THREADS, CardArray, empty, launch, start_blocks
 
 _CHUNK = 64  # entries that one thread adds up
 
@@ -91,7 +91,7 @@ def reduce_blocks(partial: CardArray, largest: int, out: CardArray, at: int) -> 
 
     The first ``largest`` rows are maxima of numbers not below zero, the others sums.
     """
-    _reduce_blocks[partial.shape[0], THREADS](partial, largest, out, at)
+    start_blocks(_reduce_blocks, partial.shape[0], partial, largest, out, at)
 
 
 @cuda.jit(cache=True)

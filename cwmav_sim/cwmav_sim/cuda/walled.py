@@ -20,7 +20,7 @@ from cwmav_sim.cuda.cells import (
     place_of,
 )
 from cwmav_sim.cuda.launch import THREADS
-from cwmav_sim.cuda.rows import REACH, laps, row, run
+from cwmav_sim.cuda.rows import REACH, laps, layer, row, run
 from cwmav_sim.cuda.vector import DENSITY, PLACE_X, PLACE_Y, PLACE_Z, four, two
 from cwmav_sim.cuda.visibility import hidden
 from cwmav_sim.cuda.wall import wall_terms
@@ -82,9 +82,10 @@ def _sum_channel(
     px = py = pz = fx = fy = fz = div = sx = sy = sz = pp = pf = zero
     shift_z = reach[MINUS_TWO]
     for dz in range(-REACH, REACH + 1):
+        first_row = layer(integers, cz, dz)
         shift_y = reach[MINUS_TWO] if reach_y > 0 else zero
         for dy in range(-reach_y, reach_y + 1):
-            base, side = row(integers, cy, cz, dy, dz)
+            base, side = row(integers, first_row, cy, dy)
             if side == image:
                 # All cells of the row: an element of a wall that crosses the mirror lies outside its cell.
                 column_a = first_column

@@ -17,6 +17,10 @@ from cwmav_sim.sph.sheet import Elements, SheetQuadrature
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+# An element this close to another wall, in cells, lies on it. A wall that meets the mirror goes on in its
+# image: on which side of that its elements lie is chance, and each would be hidden from the air on one side.
+ON_WALL = 1e-4
+
 
 @dataclass(frozen=True)
 class PackedPoints:
@@ -159,6 +163,7 @@ def locate_surfaces(
     element_sides = Sides.room(channels, elements.rows.shape[1], dtype)
     for panel in range(panels):
         locate(elements.rows, elements.column, elements.start[panel], panel, element_sides)
+    element_sides.signed[np.abs(element_sides.signed) < ON_WALL * grid.cell[0]] = 0.0
     return Surfaces(elements, element_sides, near, particle_sides)
 
 

@@ -74,7 +74,7 @@ def test_table_1_takes_the_runs_of_its_spacing(call, runs, tmp_path):
         (["table3", "--set", "wing.model=lattice"], "--simulate"),
         (["table3", "--simulate", "{tmp}", "--cases", "x.csv"], "exclude each other"),
         (["table3", "--simulate", "{tmp}", "--set", "wing.model=rubber"], "prescribed, membrane, lattice"),
-        (["table3", "--simulate", "{tmp}", "--preset", "fine"], "smoke, coarse, default, paper"),
+        (["table3", "--simulate", "{tmp}", "--preset", "finest"], "smoke, coarse, fine, default, paper"),
         (["table5", "--simulate", "{tmp}"], "tables of lifts"),
     ],
 )

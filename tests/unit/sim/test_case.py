@@ -10,7 +10,7 @@ from cwmav_sim import case as cases
 from cwmav_sim.fingerprint import significant_source, solver_fingerprint
 
 
-@pytest.mark.parametrize("name", ["smoke", "coarse", "default", "paper"])
+@pytest.mark.parametrize("name", ["smoke", "coarse", "fine", "default", "paper"])
 def test_every_preset_is_valid_and_knows_its_name(name):
     assert cases.preset(name).preset == name
     assert name in cases.presets()
@@ -34,12 +34,12 @@ def test_paper_preset_holds_table_2():
 
 def test_spacings_of_the_presets():
     spacings = {name: cases.preset(name).flow.resolution.dp for name in cases.presets()}
-    assert spacings == {"smoke": 0.012, "coarse": 0.008, "default": 0.004, "paper": 0.004}
+    assert spacings == {"smoke": 0.012, "coarse": 0.008, "fine": 0.004, "default": 0.004, "paper": 0.004}
 
 
 def test_unknown_preset_names_the_allowed_ones():
-    with pytest.raises(InputError, match="'fine'.*smoke, coarse, default, paper"):
-        cases.preset("fine")
+    with pytest.raises(InputError, match="'finest'.*smoke, coarse, fine, default, paper"):
+        cases.preset("finest")
 
 
 def test_yaml_round_trip_keeps_everything(tmp_path):
@@ -120,7 +120,7 @@ def test_address_of_prescribed_wings_does_not_depend_on_a_structure_they_do_not_
 
 
 def test_wings_stay_in_the_box_over_the_whole_design_space():
-    for name in ("smoke", "coarse", "default", "paper"):
+    for name in ("smoke", "coarse", "fine", "default", "paper"):
         for angle in (-10.0, 60.0):
             cases.preset(name).at(4.0, angle, 6.0)
             cases.preset(name).at(30.0, angle, 0.0)

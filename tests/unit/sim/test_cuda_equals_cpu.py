@@ -47,6 +47,7 @@ CASES = [
     ("open_half", ROUNDING),
     ("walled_flat", ROUNDING),
     ("walled_half", ROUNDING),
+    ("walled_mirror", ROUNDING),
     ("steps_flat", 1e-9),
     ("steps_crossing", 1e-9),
     ("repeated", EXACT),

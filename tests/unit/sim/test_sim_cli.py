@@ -78,7 +78,7 @@ def test_case_file_is_used(call, tmp_path):
         (["run", "-F", "50"], "flapping_frequency"),
         (["run", "-A", "90"], "angle_of_attack_deg"),
         (["run", "-U", "-1"], "airspeed"),
-        (["run", "--preset", "fine"], "smoke, coarse, default, paper"),
+        (["run", "--preset", "finest"], "smoke, coarse, fine, default, paper"),
         (["run", "--set", "flow.resolution.dp=-1"], "dp"),
         (["run", "--set", "nonsense=1"], "nonsense"),
         (["run", "--device", "cuda"], "allowed here: cpu"),
