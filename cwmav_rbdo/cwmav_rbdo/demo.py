@@ -32,7 +32,8 @@ _ROWS = (
     ("U", "m/s", "forward_velocity"),
 )
 START = 120.0  # s for a node to offer its services on a busy machine
-CHECK = "smoke"
+CHECK = "coarse"  # as the lift table
+LIVE = "smoke"
 
 cli = app("cwmav-demo", "Three nodes, one recording, one optimisation, one check.")
 
@@ -60,12 +61,12 @@ def demo(
     domain = free_domain()
     with NodeProcesses(domain) as nodes, Client(domain, nodes.check) as client:
         nodes.start("cwmav_rig", "rig_node", {"recording": recording})
-        nodes.start("cwmav_sim", "sim_node", {"fidelity": CHECK if live else "table"})
+        nodes.start("cwmav_sim", "sim_node", {"fidelity": LIVE if live else "table"})
         nodes.start("cwmav_rbdo", "optimiser_node", {"run_root": runs})
         _show_rig(client, recording)
         _show_sim(client, live)
         result = _optimise(client, task, problem, seed)
-        _check_live(client, result)
+        _check_live(client, result, LIVE if live else CHECK)
         _say(f"report    {Path(result.run_folder) / 'report.html'}")
 
 
@@ -89,7 +90,7 @@ def _show_rig(client: Any, recording: Path) -> None:
 
 def _show_sim(client: Any, live: bool) -> None:
     if live:
-        _say(f"sim   live SPH runs, preset {CHECK}")
+        _say(f"sim   live SPH runs, preset {LIVE}")
         return
     from cwmav_msgs.msg import ControlPoint
     from cwmav_msgs.srv import EvaluateLift
@@ -155,19 +156,19 @@ def row_of(task: WingProblem, message: Any) -> IterationRow:
     )
 
 
-def _check_live(client: Any, result: Any) -> None:
-    """Simulate the optimum, whatever its lift came from, and set it beside the prediction."""
+def _check_live(client: Any, result: Any, fidelity: str) -> None:
+    """Simulate the optimum with a preset, and set it beside the prediction."""
     from cwmav_msgs.action import Simulate
     from cwmav_msgs.srv import EvaluatePower
 
-    name = f"live SPH run ({CHECK})"
+    name = f"live SPH run ({fidelity})"
     with progress(1.0, f"check     {name}") as bar:
 
         def show(feedback: Any) -> None:
             note = f"cycle {feedback.cycle} of {feedback.cycles}, {feedback.seconds_left:.0f} s left"
             bar.advance_to(feedback.fraction, note)
 
-        run = client.act(Simulate, "/sim/simulate", START, show, point=result.design, fidelity=CHECK)
+        run = client.act(Simulate, "/sim/simulate", START, show, point=result.design, fidelity=fidelity)
     power = client.call(EvaluatePower, "/rig/evaluate_power", START, point=result.design)
     ratio = run.lift / power.power
     std = (

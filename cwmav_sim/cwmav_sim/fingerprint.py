@@ -76,13 +76,28 @@ def _sources(root: Path, names: tuple[str, ...]) -> list[Path]:
 
 
 def significant_source(text: str) -> str:
-    """Return a module as the interpreter sees it: without docstrings, comments and layout."""
+    """Return a module as the interpreter sees it: without docstrings, comments and layout.
+
+    What is written depends on the module alone, not on the version of Python that reads it: fields that are
+    empty are left out, because new versions give old nodes new ones.
+    """
     tree = ast.parse(text)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list) and body and _is_docstring(body[0]):
             node.body = body[1:] or [ast.Pass()]  # type: ignore[attr-defined]
-    return ast.unparse(tree)
+    return _written(tree)
+
+
+def _written(node: object) -> str:
+    if isinstance(node, ast.AST):
+        fields = ((name, getattr(node, name, None)) for name in node._fields)
+        filled = (f"{name}={_written(value)}" for name, value in fields if value not in (None, []))
+        constant = isinstance(node, ast.Constant) and node.value is None
+        return f"{type(node).__name__}({'None' if constant else ','.join(filled)})"
+    if isinstance(node, list):
+        return f"[{','.join(_written(item) for item in node)}]"
+    return repr(node)
 
 
 def _is_docstring(node: ast.stmt) -> bool:

@@ -68,10 +68,13 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
         yield f"runs at the rows: {found['runs']}"
     for table in found.get("tables", [found]):
         yield f"{table['table']}   (paper | ours)"
+        source = _common_source(table["rows"])
+        if source is not None:
+            yield f"  ours: {source}"
         for row in table["rows"]:
             difference = row.get("difference_percent")
             tail = f"   {difference:+.2f} %" if difference is not None else ""
-            yield f"  {_cells(row['paper'])} | {_cells(row['ours'])}{tail}"
+            yield f"  {_cells(row['paper'])} | {_cells(_ours(row, source))}{tail}"
             if "counts" in row:
                 yield f"    {row['model']}, {row['variables']} variables: {_cells(row['counts'])}"
         for key in ("optimum", "counts"):
@@ -89,6 +92,22 @@ def _one(name: str, lifts: Any, seed: int, seeds: int, on_run: Any, folder: Path
     if name == "table7":
         return reproduce_comparison(seed, seeds, lambda: on_run(1), folder)
     return reproduce_history(name, seed, seeds, lambda: on_run(1), folder)
+
+
+def _common_source(rows: list[dict[str, Any]]) -> str | None:
+    """Return where all our numbers come from, or None where they come from several places."""
+    sources = {row["ours"].get("source") for row in rows if row.get("ours")}
+    return sources.pop() if len(sources) == 1 else None
+
+
+def _ours(row: dict[str, Any], source: str | None) -> dict[str, Any] | None:
+    """Return our numbers as they are shown: the lift with its uncertainty, the source unless it is common."""
+    if row.get("ours") is None:
+        return None
+    shown = {key: value for key, value in row["ours"].items() if key != "source" or source is None}
+    if row.get("uncertainty_n") is not None:
+        shown["lift_n"] = f"{_cell(shown['lift_n'])} +- {row['uncertainty_n']:.2g}"
+    return shown
 
 
 def _cells(values: Any) -> str:

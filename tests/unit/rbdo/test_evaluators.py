@@ -49,8 +49,8 @@ def test_evaluator_follows_the_problem(table):
     assert isinstance(wing_evaluator(replace(problem, evaluate="table")), TableEvaluator)
     with pytest.raises(InputError, match="evaluate: ros needs the nodes; allowed without them: local, table"):
         wing_evaluator(problem)
-    with pytest.raises(InputError, match="source.fidelity is 'fine'; allowed: table, smoke, coarse"):
-        wing_evaluator(replace(problem, evaluate="local", source=Source(fidelity="fine")))
+    with pytest.raises(InputError, match="source.fidelity is 'finest'; allowed: table, smoke, coarse"):
+        wing_evaluator(replace(problem, evaluate="local", source=Source(fidelity="finest")))
 
 
 def test_live_run_that_is_refused_in_its_process_fails_with_the_reason():

@@ -118,6 +118,14 @@ def test_table_7_says_for_every_row_how_far_its_optimum_is_and_why(asked):
     assert "U 4.1772 m/s of the three-variable optimum: the conclusions print 4.7722" in text
 
 
+def test_lifts_are_shown_with_their_uncertainty_and_a_common_source_once():
+    text = list(report.lines(report.reproduce(["table3"], None, 0, 1, None)))
+    rows = [line for line in text if " | " in line and "lift_n" in line]
+    assert rows
+    assert all("+- 0.0" in line for line in rows)
+    assert sum("lift table" in line for line in text) == 1
+
+
 def test_kept_runs_are_not_repeated(asked, tmp_path):
     first = report.reproduce(["table7"], None, 0, 2, tmp_path)
     assert len(asked) == 8

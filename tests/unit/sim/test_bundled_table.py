@@ -37,7 +37,7 @@ def test_lift_grows_with_the_angle_of_attack():
 def test_estimate_says_its_error_and_source(rows):
     estimate = LiftTable.bundled().lift(16.0, math.radians(15), 3.0)
     assert 0.0 < estimate.lift_std < 0.05
-    assert f"{len(rows)} SPH runs at 12 mm" in estimate.source
+    assert f"{len(rows)} SPH runs at 8 mm" in estimate.source
     assert rows[0]["solver"] in estimate.source
     assert estimate.inside
 

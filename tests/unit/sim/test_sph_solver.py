@@ -9,7 +9,7 @@ import pytest
 from cwmav_common.errors import InputError, WorkError
 from cwmav_sim.solver import Solver
 from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Fringe, Resolution, Shifting
-from cwmav_sim.verification.plates import OscillatingPlate
+from cwmav_sim.verification.plates import FixedPlate, OscillatingPlate
 
 DP = 0.0125
 BOX = Box(length=0.2, width=0.2, height=0.2, upstream=0.1, symmetric=False)
@@ -109,6 +109,16 @@ def test_half_a_model_gives_half_the_force():
     assert half.particles == full.particles // 2
     lift, doubled = force(infos)[:, 2], 2.0 * force(halves)[:, 2]
     np.testing.assert_allclose(doubled, lift, atol=0.01 * np.abs(lift).max())
+
+
+def test_a_plate_that_goes_on_in_its_mirror_image_gives_half_the_force_of_the_whole():
+    stream = replace(CALM, fringe=Fringe(width=0.05, rate=200.0))
+    plate = FixedPlate(0.05, 0.075, DP / 2, np.radians(30.0))
+    _, infos = run(stream, plate, 25, airspeed=2.0)
+    half = replace(stream, box=replace(BOX, symmetric=True))
+    _, halves = run(half, replace(plate, half=True), 25, airspeed=2.0)
+    whole, doubled = force(infos)[:, [0, 2]], 2.0 * force(halves)[:, [0, 2]]
+    np.testing.assert_allclose(doubled, whole, atol=0.015 * np.abs(whole).max())
 
 
 def test_no_particle_is_lost_or_passes_the_plate():
