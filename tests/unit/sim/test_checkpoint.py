@@ -103,6 +103,7 @@ def test_without_a_checkpoint_there_is_nothing_to_read(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_a_killed_program_is_continued(tmp_path):
     case = small("membrane")
     cases.dump_case(case, tmp_path / "case.yaml")
