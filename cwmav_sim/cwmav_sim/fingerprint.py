@@ -31,6 +31,8 @@ _NUMERICS = (
 # What a run with flexible wings executes besides.
 _FLEXIBLE = (*_NUMERICS, "wing", "coupling.py")
 
+_TRIES = 5  # of making a tree
+
 _SAME_RESULTS = Path(__file__).parent / "data" / "same_results.csv"
 
 
@@ -81,12 +83,26 @@ def significant_source(text: str) -> str:
     What is written depends on the module alone, not on the version of Python that reads it: fields that are
     empty are left out, because new versions give old nodes new ones.
     """
-    tree = ast.parse(text)
+    tree = _parsed(text)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list) and body and _is_docstring(body[0]):
             node.body = body[1:] or [ast.Pass()]  # type: ignore[attr-defined]
     return _written(tree)
+
+
+def _parsed(text: str) -> ast.Module:
+    """Return the tree of a module.
+
+    CPython counts the depth of a tree in one place for all threads, and gives up when another tree is made
+    meanwhile (its issue 106905).
+    """
+    for _ in range(_TRIES - 1):
+        try:
+            return ast.parse(text)
+        except SystemError:
+            continue
+    return ast.parse(text)
 
 
 def _written(node: object) -> str:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled kernels must never outlive the source they were made from."""
 
+import ast
 import shutil
 from pathlib import Path
 
@@ -49,3 +50,17 @@ def test_a_source_of_the_same_results_keeps_their_fingerprint_until_it_is_edited
     with (copy / "sph" / "pair.py").open("a") as file:
         file.write("\nfour = 4\n")
     assert identity() not in ("0123456789ab", source)
+
+
+def test_a_tree_that_another_thread_spoilt_is_made_again(monkeypatch):
+    expected, parse, spoilt = fingerprint.significant_source("x = 1"), ast.parse, []
+
+    def parse_later(text):
+        if len(spoilt) < 2:
+            spoilt.append(text)
+            raise SystemError("AST constructor recursion depth mismatch")
+        return parse(text)
+
+    monkeypatch.setattr(ast, "parse", parse_later)
+    assert fingerprint.significant_source("x = 1") == expected
+    assert len(spoilt) == 2
