@@ -43,6 +43,11 @@ def test_larger_particles_lose_lift():
     assert -0.1 < found.mean < -0.03
 
 
+def test_smaller_particles_change_less():
+    coarser, finer = (abs(change(bundled(s), bundled("8 mm")).mean) for s in ("12 mm", "6 mm"))
+    assert finer < coarser
+
+
 def test_the_runs_at_12_mm_are_those_of_the_preset():
     with (resources.files("cwmav_sim") / "data" / "lift_12mm.csv").open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
