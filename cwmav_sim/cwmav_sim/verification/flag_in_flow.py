@@ -181,8 +181,8 @@ class FlagInFlow:
     averaged: float = 3.0
     remark: str = (
         "in the run above the zone of the inflow had a rate of 40 1/s, with which the mean speed is 0.90 of "
-        "the wanted one after 2.3 s, and the frequency is low by as much. With ten times that it is 0.997 then; "
-        "the whole case has not been run with it."
+        "the wanted one after 2.3 s, and the frequency is low by as much. With ten times that it is 0.997 "
+        "then; the whole case has not been run with it."
     )
 
     def run(self) -> list[Check]:
