@@ -3,8 +3,8 @@
 
 ``python -m support.cuda_cases NAME`` prints one JSON object: the largest difference of every quantity over
 its scale. The case runs as it stands but for the precision of the pairs, which is double, so that nothing but
-the order of sums tells the two apart; ``--single`` leaves the precision as it is. ``--host`` compares the
-processor with itself, which shows that nothing of a case is shared by the two solvers.
+the order of sums tells the two apart. ``--host`` compares the processor with
+itself, which shows that nothing of a case is shared by the two solvers.
 """
 
 import json
@@ -32,14 +32,13 @@ def cases():
     return [c.name for c in catalogue() if not c.name.startswith("structure-") and c.name not in COMPOSED]
 
 
-def compare(name, other, double=True):
+def compare(name, other):
     """Return the differences after some steps of a case on the processor and on the ``other`` device."""
     case = next(c for c in catalogue() if c.name == name)
     module = sys.modules[type(case).__module__]
 
     def build(settings, motion, airspeed, **options):
-        if double:
-            settings = replace(settings, resolution=replace(settings.resolution, precision="double"))
+        settings = replace(settings, resolution=replace(settings.resolution, precision="double"))
         own = deepcopy(motion)
         host = Solver(settings, motion, airspeed, **options)
         card = other(settings, own, airspeed, **options)
@@ -84,4 +83,4 @@ def _differences(host, card, settings):
 
 if __name__ == "__main__":
     device = "cpu" if "--host" in sys.argv else "cuda"
-    print(json.dumps(compare(sys.argv[1], partial(make_solver, device), double="--single" not in sys.argv)))
+    print(json.dumps(compare(sys.argv[1], partial(make_solver, device))))

@@ -47,7 +47,8 @@ class LowAspectRatioPlate:
         "ten particles per chord; in the plane the lift at 30 deg is low by a length at the edges that "
         "shrinks with the spacing (decisions 0005, 0007). While elements next to the mirror were hidden from "
         "the air on one side by their own image, the lift at 20 deg was 18 % low, and with periodic faces "
-        "across z, where it flies in the downwash of its images, 25 % (decisions 0010, 0011)."
+        "across z, where it flies in the downwash of its images, 25 % (decisions 0010, 0011). Why the drag "
+        "at 60 deg is high is not known."
     )
 
     @property
