@@ -85,9 +85,10 @@ class Ledger:
         Returns
         -------
         dict
-            Particles lost and put back at walls, leak flux [m/s] (air put back, per area and time), residual
-            of the momentum balance over the largest impulse, energies of the air [J], and for flexible wings
-            their energy account with what the exchange with the air lost.
+            Particles lost, put back at walls and let through by them (two-sided walls put back, plain ones
+            let through), leak flux [m/s] (volume of either, per area and time), residual of the momentum
+            balance over the largest impulse, energies of the air [J], and for flexible wings their energy
+            account with what the exchange with the air lost.
         """
         impulse = solver.fringe_impulse + solver.gravity_impulse - solver.wall_impulse
         residual = solver.momentum() - self.momentum - impulse
@@ -97,9 +98,11 @@ class Ledger:
         area = float(triangle_areas(motion.state(solver.time).x, motion.triangles).sum())
         volume = solver.crossings * case.flow.resolution.dp**3
         change = solver.kinetic_energy() - self.kinetic
+        plain = case.flow.sheet.treatment == "dbc"
         out: dict[str, Any] = {
             "particles_lost": self.particles - len(np.unique(solver.identity)),
-            "particles_put_back": solver.crossings,
+            "particles_put_back": 0 if plain else solver.crossings,
+            "particles_let_through": solver.crossings if plain else 0,
             "leak_flux_m_s": volume / (area * solver.time),
             "momentum_residual": float(np.abs(residual).max()) / largest if largest else 0.0,
             "air_j": {

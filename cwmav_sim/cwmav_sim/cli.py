@@ -375,7 +375,8 @@ def _detail_lines(details: Mapping[str, Any]) -> list[str]:
         lines.append(f"parts   {lift} N of the lift; pitch moment {_with_std(parts['pitch_moment_n_m'])} N m")
     if balance := details.get("balance"):
         lines.append(
-            f"balance particles lost {balance['particles_lost']}, put back {balance['particles_put_back']} "
+            f"balance particles lost {balance['particles_lost']}, put back {balance['particles_put_back']}, "
+            f"let through {balance.get('particles_let_through', 0)} "
             f"(leak {balance['leak_flux_m_s']:.2g} m/s), momentum {balance['momentum_residual']:.1g}"
         )
         if wings := balance.get("wings_j"):

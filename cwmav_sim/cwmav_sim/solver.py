@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cwmav_common.errors import WorkError
 from cwmav_sim.sph.cells import make_grid
-from cwmav_sim.sph.crossing import Crossings, put_back
+from cwmav_sim.sph.crossing import Crossings, passed_through, put_back
 from cwmav_sim.sph.easing import ease
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.integrate import correct, predict
@@ -58,7 +58,8 @@ class StepInfo:
     moment : ndarray, shape (panels, 3)
         Moments of the air on every panel about the origin [N m].
     crossings : int
-        Particles the safety net put back in this step.
+        Particles that crossed a wall in this step: the safety net put them back, or walls of particles let
+        them pass.
     """
 
     time: float
@@ -178,6 +179,8 @@ class Solver:
         if self._sides is None or panels == 0:
             return rates, Crossings.none(panels)
         dp = self._settings.resolution.dp
+        if not self._interaction.holds_air:
+            return rates, passed_through(self._sides, rates.sides, panels, dp)
         crossed = put_back(self._air, self._sides, rates.sides, panels, dp, dt)
         if crossed.count.any():
             self._confine(self._air)

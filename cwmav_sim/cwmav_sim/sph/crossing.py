@@ -6,11 +6,13 @@ inside the outline is put back at a tenth of a spacing on its own side and loses
 relative to it; the wall takes the opposite impulse, so momentum stays balanced, and the event is counted.
 A distance that jumps by more than a quarter of a spacing within a step is no motion: near an edge or a bend
 another part of the wall has become the nearest one.
+
+Walls of particles have no such net; what passes through them is counted by the same rule.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba as nb
 import numpy as np
@@ -28,12 +30,12 @@ JUMP = 0.25  # spacings
 
 @dataclass(frozen=True)
 class Crossings:
-    """What the net caught in one step.
+    """What crossed the walls in one step.
 
     Attributes
     ----------
     count : ndarray, shape (panels,)
-        Particles put back.
+        Particles put back, or let through by walls of particles.
     impulse : ndarray, shape (panels, 3)
         Impulse on the panels [N s].
     panel : ndarray, shape (k,)
@@ -83,6 +85,36 @@ def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: f
     return Crossings(count, impulse, panel, particles.x[number], kick)
 
 
+def passed_through(before: Sides, now: Sides, panels: int, dp: float) -> Crossings:
+    """Count the particles that went through a wall within a step and are left where they are."""
+    count = np.zeros(panels, np.int64)
+    _count_passed(before.signed, before.inside, now.signed, now.inside, JUMP * dp, count)
+    return replace(Crossings.none(panels), count=count)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _passed(s0: float, s1: float, d0: float, d1: float, jump: float) -> bool:
+    """Whether a particle with these distances before and now went through the wall inside its outline."""
+    if s0 * s1 >= 0.0 or abs(s1 - s0) > jump:
+        return False
+    return d0 * abs(s1) + d1 * abs(s0) > 0.0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _count_passed(
+    signed_before: NDArray,
+    inside_before: NDArray,
+    signed: NDArray,
+    inside: NDArray,
+    jump: float,
+    count: IntArray,
+) -> None:
+    for c in range(count.shape[0]):
+        for i in range(signed.shape[1]):
+            if _passed(signed_before[c, i], signed[c, i], inside_before[c, i], inside[c, i], jump):
+                count[c] += 1
+
+
 @nb.njit(cache=True, error_model="numpy")
 def _put_back(
     x: FloatArray,
@@ -101,9 +133,7 @@ def _put_back(
     for c in range(count.shape[0]):
         for i in range(x.shape[0]):
             s0, s1 = signed_before[c, i], signed[c, i]
-            if s0 * s1 >= 0.0 or abs(s1 - s0) > jump:
-                continue
-            if inside_before[c, i] * abs(s1) + inside[c, i] * abs(s0) <= 0.0:
+            if not _passed(s0, s1, inside_before[c, i], inside[c, i], jump):
                 continue
             side = 1.0 if s0 > 0.0 else -1.0
             count[c] += 1

@@ -44,6 +44,7 @@ from cwmav_sim.sph.gather import (
 from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, VOLUME, sum_pairs
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.state import FloatArray, IntArray, Particles
+from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import CHUNKS
 
 
@@ -201,6 +202,7 @@ def air_pass(
     """
     ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
+        mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         near = aligned_rows(FLUID_ROWS, wall_room, fluid)
         begin, wall_begin = np.empty(SLABS + 1, np.int64), np.empty(SLABS + 1, np.int64)
@@ -236,13 +238,20 @@ def air_pass(
                 offset = cell.dtype.type(cz - centre) * cell[2]
                 for i in range(start[c], start[c + 1]):
                     a, at = _particle(fluid, offset, i), order[i]
-                    sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
+                    sums = _sums(a, buf, first, n, k, shifting)
                     sees = _sees(a, near, first_wall, n_wall, k[HALF_OVER_H])
                     keep = keep_diffusion or not sees
                     _store(sums, scale, a[6], keep, at, acceleration, density_rate, shift)
                     if sees:
-                        sums = sum_pairs(a, near, near[VOLUME], first_wall, n_wall, k, shifting)
+                        sums = _sums(a, near, first_wall, n_wall, k, shifting)
                         _add(sums, scale, a[6], at, acceleration, density_rate, shift)
+        restore_mode(mode)
+
+
+@nb.njit(cache=True, fastmath=True, error_model="numpy")
+def _sums(a, buf, first, n, k, shifting):
+    """Return the sums over all of a buffer; walls of particles hide nothing."""
+    return sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -295,6 +304,7 @@ def wall_pass(
     """
     ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
+        mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin = np.empty(SLABS + 1, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
@@ -330,7 +340,7 @@ def wall_pass(
                 offset = cell.dtype.type(cz - centre) * cell[2]
                 for i in range(wall_start[c], wall_start[c + 1]):
                     a, at = _particle(wall, offset, i), wall_order[i]
-                    sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, False)
+                    sums = _sums(a, buf, first, n, k, False)
                     rho = scale[RHO0] + a[6]
                     density_rate[at] = scale[SLOPE] * rho * sums[0]
                     force[6, at] = force[7, at] = 0.0
@@ -339,3 +349,4 @@ def wall_pass(
                         force[3 + q, at] = scale[MASS] * scale[SLOPE] * scale[FOUR_NU] * sums[5 + q]
                         force[6, at] += force[q, at] * a[3 + q]
                         force[7, at] += force[3 + q, at] * a[3 + q]
+        restore_mode(mode)

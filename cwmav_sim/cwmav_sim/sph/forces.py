@@ -27,6 +27,7 @@ from cwmav_sim.sph.gather import (
     window,
 )
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
+from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import CHUNKS, count_sides, gather_sides, hide
 from cwmav_sim.sph.wall import AREA, ELEMENT_ROWS, ELEMENT_SCALARS, ELEMENT_VECTORS, sum_wall
 
@@ -74,6 +75,20 @@ def _add_wall(sums, scale, density, at, place, acceleration, density_rate, shift
     load[9] += z * fx - x * fz
     load[10] += x * fy - y * fx
     density_rate[place] += (scale[RHO0] + density) * sums[6]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _gather_element_sides(
+    signed, inside, start, integers, place, image, panels, runs, around, begin, side_s, side_d, below, above
+):
+    """Copy and count where the buffered elements of one wall lie with respect to the walls around."""
+    slabs = place[3] - place[2] + 2 * REACH
+    gather_sides(signed, start, integers, place, image, panels, runs, around, side_s)
+    count_sides(side_s, begin, slabs, around, below, above)
+    for other in range(signed.shape[0]):
+        if around[other] and (below[other, slabs] > 0 or above[other, slabs] > 0):
+            gather_sides(inside, start, integers, place, image, panels, runs, around, side_d)
+            return
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -128,6 +143,7 @@ def fluid_pass(
     """
     nx, ny = integers[0], integers[1]
     for chunk in nb.prange(CHUNKS):
+        mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin = np.empty(SLABS + 1, np.int64)
         runs = np.empty((MOST_RUNS, 6), np.int64)
@@ -159,6 +175,7 @@ def fluid_pass(
                     a = _particle(fluid, offset, i)
                     sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
                     _store(sums, scale, a[6], True, order[i], acceleration, density_rate, shift)
+        restore_mode(mode)
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -217,6 +234,7 @@ def walled_pass(
     nx, ny = integers[0], integers[1]
     channels, panels = signed.shape[0], element_start.shape[0]
     for chunk in nb.prange(CHUNKS):
+        mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin = np.empty(SLABS + 1, np.int64)
         weight = aligned_rows(1, room, fluid)[0]
@@ -243,6 +261,7 @@ def walled_pass(
         wall_filler = np.zeros(ELEMENT_ROWS, fluid.dtype)
         wall_filler[0] = FAR
         load = np.zeros(LOAD_SIZE)
+        around = np.zeros(channels, np.bool_)
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
@@ -265,42 +284,49 @@ def walled_pass(
             for cz in range(z0, z1):
                 close |= near[(cz * ny + cy) * nx + cx]
             if close:
-                gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, side_s)
-                gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, side_d)
                 slabs = z1 - z0 + 2 * REACH
-                count_sides(side_s, begin, slabs, below, above)
                 for channel in range(channels):
-                    image = 1 if channel < panels else -1
-                    wall_start = element_start[channel % panels]
                     fill(
                         elements,
                         element_column,
-                        wall_start,
+                        element_start[channel % panels],
                         integers,
                         cell,
                         place,
                         ELEMENT_VECTORS,
                         ELEMENT_SCALARS,
-                        image,
+                        1 if channel < panels else -1,
                         wall_filler,
                         runs,
                         wall_buf[channel],
                         wall_begin[channel],
                     )
-                    if wall_begin[channel, slabs] == 0:  # none of its elements around here
+                    # A wall without elements around here is out of reach of every particle of the stretch.
+                    around[channel] = wall_begin[channel, slabs] > 0
+                gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, around, side_s)
+                gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, around, side_d)
+                count_sides(side_s, begin, slabs, around, below, above)
+                for channel in range(channels):
+                    if not around[channel]:
                         continue
                     if reactions is not None:
                         reaction[channel, :, :] = 0.0
-                    gather_sides(
-                        element_signed, wall_start, integers, place, image, panels, runs, wall_s[channel]
+                    _gather_element_sides(
+                        element_signed,
+                        element_inside,
+                        element_start[channel % panels],
+                        integers,
+                        place,
+                        1 if channel < panels else -1,
+                        panels,
+                        runs,
+                        around,
+                        wall_begin[channel],
+                        wall_s[channel],
+                        wall_d[channel],
+                        wall_below[channel],
+                        wall_above[channel],
                     )
-                    count_sides(
-                        wall_s[channel], wall_begin[channel], slabs, wall_below[channel], wall_above[channel]
-                    )
-                    if wall_below[channel, :, slabs].any() or wall_above[channel, :, slabs].any():
-                        gather_sides(
-                            element_inside, wall_start, integers, place, image, panels, runs, wall_d[channel]
-                        )
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
@@ -373,3 +399,4 @@ def walled_pass(
                         runs,
                         reactions[chunk],
                     )
+        restore_mode(mode)

@@ -93,7 +93,11 @@ class Interaction:
         Elements of the walls.
     panels : int
         Number of walls.
+    holds_air : bool
+        Whether particles that pass through a wall are put back.
     """
+
+    holds_air = True
 
     def __init__(
         self, settings: FlowSettings, grid: Grid, eos: Tait, motion: Motion | None, timers: Timers

@@ -77,7 +77,8 @@ def pack_fluid(local, v, rho, pressure, order, mass, rho0, fluid):
         fluid[VOLUME, j] = mass / rho[i]
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+# Inlined by force: a call could end in another copy, with sums in another order (docs/decisions/0013).
+@nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def sum_pairs(a, buf, volume, first, n, k, shifting):
     """Sum the interaction of one particle over ``n`` buffered neighbours.
 

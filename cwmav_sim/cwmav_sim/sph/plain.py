@@ -17,12 +17,14 @@ from cwmav_sim.sph.interaction import Interaction, Rates, as_rates
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.state import FloatArray, Particles
-from cwmav_sim.sph.surfaces import Sides
+from cwmav_sim.sph.surfaces import Sides, locate_surfaces
 from cwmav_sim.sph.timers import Timers
 
 
 class PlainInteraction(Interaction):
     """The sums over neighbours and over the wall particles of dynamic walls; parameters as its base."""
+
+    holds_air = False
 
     def __init__(
         self, settings: FlowSettings, grid: Grid, eos: Tait, motion: Motion | None, timers: Timers
@@ -103,12 +105,22 @@ class PlainInteraction(Interaction):
         force[8:11] = np.cross(arm, total.T).T
         by_panel = np.zeros((self.panels, forces.LOAD_SIZE))
         np.add.at(by_panel, self._wall.panel, force.T)
-        sides = Sides.empty(self.panels, n, self.dtype)
+        sides = Sides.empty(self.panels, n, self.dtype)  # walls of particles hide nothing
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
         acceleration += self._gravity
+        if not shifting:  # which has the wall particles to keep away from, and does not look at sides
+            with self._timers.phase("walls"):
+                sides = self._sides(nodes, fluid, column, sorting)
         # The force does not depend on the wall's acceleration, so no air is carried along within a pass.
         reaction = np.vstack([total, np.zeros(wall.count)]) if reactions else None
         return replace(as_rates(acceleration, density_rate, shift, by_panel, sides), reaction=reaction)
+
+    def _sides(self, nodes: Nodes, fluid: NDArray, column: NDArray, sorting: Sorting) -> Sides:
+        """Return where the air lies with respect to the walls, to count what passes through them."""
+        assert self.quadrature is not None  # noqa: S101 - for the type checker
+        placed = self.quadrature.place(nodes)
+        surfaces = locate_surfaces(self.quadrature, placed, self._grid, fluid, column, sorting.start)
+        return surfaces.particle_sides.in_storage_order(self.panels, sorting.order)
 
     def _shares(self, nodes: int) -> sp.csr_matrix:
         return self._wall.weights(nodes)

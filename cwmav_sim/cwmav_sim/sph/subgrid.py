@@ -28,6 +28,7 @@ from cwmav_sim.sph.gather import (
     stretches,
     window,
 )
+from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import CHUNKS, count_sides, gather_sides, hide
 
 SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
@@ -96,12 +97,14 @@ def _pass(
     nx, ny = integers[0], integers[1]
     channels = signed.shape[0]
     for chunk in nb.prange(CHUNKS):
+        mode = flush_subnormals()
         buf = aligned_rows(_ROWS, room, packed)
         begin = np.empty(SLABS + 1, np.int64)
         weight = aligned_rows(1, room, packed)[0]
         side_s = aligned_rows(channels, room, packed)
         side_d = aligned_rows(channels, room, packed)
         below, above = np.empty((channels, SLABS + 1), np.int32), np.empty((channels, SLABS + 1), np.int32)
+        every = np.ones(channels, np.bool_)
         runs = np.empty((MOST_RUNS, 6), np.int64)
         filler = np.zeros(_ROWS, packed.dtype)
         filler[0] = FAR
@@ -127,9 +130,9 @@ def _pass(
             for cz in range(z0, z1):
                 close |= near[(cz * ny + cy) * nx + cx]
             if close:
-                gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, side_s)
-                gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, side_d)
-                count_sides(side_s, begin, z1 - z0 + 2 * REACH, below, above)
+                gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, every, side_s)
+                gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, every, side_d)
+                count_sides(side_s, begin, z1 - z0 + 2 * REACH, every, below, above)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
@@ -146,9 +149,10 @@ def _pass(
                         _divergence(packed, offset, i, buf, seen, first, n, k, out)
                     else:
                         _stress(packed, offset, i, k[_RHO0] + density[i], buf, seen, first, n, k, out)
+        restore_mode(mode)
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+@nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def _stress(packed, offset, i, rho, buf, weight, first, n, k, out):
     """Tensor tau/rho^2 of one particle: (xx, xy, yy, zz, yz, xz)."""
     xa, ya, za = packed[0, i], packed[1, i], packed[2, i] + offset
@@ -176,7 +180,7 @@ def _stress(packed, offset, i, rho, buf, weight, first, n, k, out):
     out[i, 1], out[i, 4], out[i, 5] = 2.0 * eddy * xy / rho, 2.0 * eddy * yz / rho, 2.0 * eddy * xz / rho
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+@nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def _divergence(packed, offset, i, buf, weight, first, n, k, out):
     """Acceleration of one particle by the stresses of the pairs."""
     xa, ya, za = packed[0, i], packed[1, i], packed[2, i] + offset

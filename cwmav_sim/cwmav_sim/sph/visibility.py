@@ -182,10 +182,11 @@ def _measure(x, y, z, buf, first, last, channel, i, signed, inside, normal):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_sides(sides, start, integers, place, image, panels, runs, buf):
+def gather_sides(sides, start, integers, place, image, panels, runs, wanted, buf):
     """Copy wall distances, shape (channels, n), of what :func:`~cwmav_sim.sph.gather.fill` copies.
 
-    In a mirror a wall and its image swap places.
+    In a mirror a wall and its image swap places. Only the channels that are ``wanted``, shape (channels,),
+    are copied.
     """
     cx, cy, z0, z1, centre = place
     channels = sides.shape[0]
@@ -196,6 +197,8 @@ def gather_sides(sides, start, integers, place, image, panels, runs, buf):
         for run in range(count):
             first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
             for c in range(channels):
+                if not wanted[c]:
+                    continue
                 source = c if runs[run, SIGN] > 0 else (c + panels) % channels
                 blocks = min((length + BLOCK - 1) // BLOCK, (sides.shape[1] - first) // BLOCK)
                 for block in range(blocks):
@@ -204,12 +207,14 @@ def gather_sides(sides, start, integers, place, image, panels, runs, buf):
                     buf[c, m + j] = sides[source, first + j]
             m += length
     for c in range(channels):
+        if not wanted[c]:
+            continue
         for j in range(m, m + PADDING):
             buf[c, j] = buf.dtype.type(0.0)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def count_sides(signed, begin, slabs, below, above):
+def count_sides(signed, begin, slabs, wanted, below, above):
     """Count, slab by slab of a buffer, how many entries so far lie on either side of every wall.
 
     Parameters
@@ -218,10 +223,14 @@ def count_sides(signed, begin, slabs, below, above):
         Distances of the entries from the walls.
     begin, slabs : ndarray, int
         First entry of every slab and number of slabs.
+    wanted : ndarray, shape (channels,), bool
+        Channels to count.
     below, above : ndarray, shape (channels, SLABS + 1), int32
         Filled: entries with a negative and with a positive distance before the begin of every slab.
     """
     for c in range(signed.shape[0]):
+        if not wanted[c]:
+            continue
         below[c, 0] = above[c, 0] = 0
         for slab in range(slabs):
             s = signed[c][begin[slab] : begin[slab + 1]]
@@ -233,7 +242,7 @@ def count_sides(signed, begin, slabs, below, above):
             above[c, slab + 1] = above[c, slab] + positive
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+@nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def hide(weight, signed_a, inside_a, signed, inside, below, above, slab, first, n, out):
     """Return ``weight`` with zero where a wall stands between a particle and an entry.
 
@@ -242,7 +251,7 @@ def hide(weight, signed_a, inside_a, signed, inside, below, above, slab, first, 
     weight : ndarray, shape (m,)
         One value per entry; returned as it is when no wall can be in between.
     signed_a, inside_a : ndarray, shape (channels,)
-        Distances of the particle.
+        Distances of the particle; zero for every wall out of its reach, whose channels are not looked at.
     signed, inside : ndarray, shape (channels, m)
         Distances of the entries.
     below, above : ndarray, shape (channels, SLABS + 1), int32
@@ -259,10 +268,12 @@ def hide(weight, signed_a, inside_a, signed, inside, below, above, slab, first, 
     copied = False
     for c in range(signed.shape[0]):
         s_a, d_a = signed_a[c], inside_a[c]
+        if s_a == zero:
+            continue
         others = below[c, beyond] - below[c, slab]
         if s_a < zero:
             others = above[c, beyond] - above[c, slab]
-        if s_a == zero or others == 0:
+        if others == 0:
             continue
         size = abs(s_a)
         s, d = signed[c][first : first + n], inside[c][first : first + n]

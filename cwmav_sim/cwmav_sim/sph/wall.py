@@ -97,7 +97,8 @@ def wall_constants(
     return np.array([*head, *polynomials.ravel()], dtype=dtype)
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+# Inlined by force: a call could end in another copy, with sums in another order (docs/decisions/0013).
+@nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def sum_wall(a, side, buf, area, first, n, k, reaction):
     """Sum the wall terms of one particle over ``n`` buffered elements.
 

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled kernels must never outlive the source they were made from."""
+"""Compiled kernels must never outlive the source they were made from, nor differ from the stored ones."""
 
 import ast
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numba
@@ -64,3 +67,26 @@ def test_a_tree_that_another_thread_spoilt_is_made_again(monkeypatch):
     monkeypatch.setattr(ast, "parse", parse_later)
     assert fingerprint.significant_source("x = 1") == expected
     assert len(spoilt) == 2
+
+
+TEN_STEPS = """
+import hashlib
+from cwmav_sim.case import preset, with_overrides
+from cwmav_sim.solver import Solver
+case = with_overrides(preset("smoke"), ["wing.model=membrane"])
+solver = Solver(case.flow, case.motion(), case.airspeed, highest_speed=case.highest_speed())
+for _ in range(10):
+    solver.step()
+print(hashlib.sha256((solver.velocity + 0.0).tobytes()).hexdigest())
+"""
+
+
+def test_a_process_that_compiles_computes_the_same_bits_as_one_that_loads(tmp_path):
+    settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def bits():
+        command = [sys.executable, "-c", TEN_STEPS]
+        return subprocess.run(command, env=settings, check=True, capture_output=True, text=True).stdout
+
+    assert bits() == bits()
+    assert any(tmp_path.rglob("*.nbi"))

@@ -65,6 +65,29 @@ def test_air_at_rest_stays_at_rest():
     assert not lift.any()
 
 
+def test_what_passes_through_is_counted_and_left_where_it_is():
+    solver = Solver(PLAIN, replace(MOVING, amplitude=0.0), 0.0)
+    solver.velocity[:, 2] = -4.0  # a gust that walls of particles do not stop
+    surely, perhaps, counted = 0, 0, 0
+    before = None
+    for _ in range(40):
+        now = np.empty((solver.particles, 3))
+        now[solver.identity] = solver.position
+        if before is not None:
+            z0, z1 = before[:, 2], now[:, 2]
+            through = ((z0 > 0.0) != (z1 > 0.0)) & (np.abs(z1) < DP)  # others went around the periodic box
+            part = (z0[through] / (z0 - z1)[through])[:, None]
+            at = before[through, :2] + part * (now - before)[through, :2]
+            from_middle = np.abs(at).max(axis=1)
+            surely += int((from_middle < 0.025 - 0.25 * DP).sum())
+            perhaps += int((from_middle < 0.025 + 0.75 * DP).sum())
+        counted += solver.step().crossings
+        before = now
+    assert surely > 10
+    assert surely <= counted <= perhaps
+    assert counted == solver.crossings
+
+
 def test_density_of_the_wall_never_falls_below_that_at_rest():
     wall = DynamicWall.on(MOVING, DP, 1.2, 3)
     wall.predict(np.full(wall.panel.shape, -5.0), 0.01)

@@ -22,9 +22,19 @@ def sides():
 
 
 def counted(signed):
-    below, above = (np.zeros((CHANNELS, SLABS + 1), np.int32) for _ in range(2))
-    count_sides(signed, BEGIN, SLABS, below, above)
+    below, above = (np.full((CHANNELS, SLABS + 1), -1, np.int32) for _ in range(2))
+    count_sides(signed, BEGIN, SLABS, np.ones(CHANNELS, np.bool_), below, above)
     return below, above
+
+
+def test_only_wanted_channels_are_counted(sides):
+    below, above = (np.full((CHANNELS, SLABS + 1), -1, np.int32) for _ in range(2))
+    count_sides(sides[0], BEGIN, SLABS, np.array([True, False, True]), below, above)
+    every_below, every_above = counted(sides[0])
+    assert (below[1] == -1).all()
+    assert (above[1] == -1).all()
+    assert (below[::2] == every_below[::2]).all()
+    assert (above[::2] == every_above[::2]).all()
 
 
 def test_counts_run_on_from_slab_to_slab(sides):
