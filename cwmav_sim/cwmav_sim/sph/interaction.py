@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rates of change of all particles for one state of the air and of the walls.
 
-Here positions become cells, walls become elements, and the passes of ``forces`` are called. Callers keep
-their particles in storage order; what the passes see is sorted by cell and packed in the precision of the
-pairs.
+Here positions become cells, walls become elements, and the passes of ``forces`` and ``walled`` are called.
+Callers keep their particles in storage order; what the passes see is sorted by cell and packed in the
+precision of the pairs.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cwmav_sim.sph import forces
+from cwmav_sim.sph import forces, walled
 from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
 from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.eos import Tait
@@ -306,10 +306,10 @@ class Interaction:
         acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         loads = np.zeros((CHUNKS, self.panels, forces.LOAD_SIZE))
         count = elements.rows.shape[1]
-        parts = np.zeros((CHUNKS, forces.REACTION_SIZE, count)) if reactions else None
+        parts = np.zeros((CHUNKS, walled.REACTION_SIZE, count)) if reactions else None
         scale = self._scale.copy()
         scale[forces.MASS] = particles.mass
-        forces.walled_pass(
+        walled.walled_pass(
             fluid,
             column,
             sorting.order,

@@ -9,11 +9,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cwmav_sim.sph import dynamic, forces
+from cwmav_sim.sph import forces
 from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
+from cwmav_sim.sph.dynamic import DynamicWall
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.gather import buffer_room
 from cwmav_sim.sph.interaction import Interaction, Rates, as_rates
+from cwmav_sim.sph.plain_pass import air_pass, wall_pass
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.state import FloatArray, Particles
@@ -32,7 +34,7 @@ class PlainInteraction(Interaction):
         super().__init__(settings, grid, eos, motion, timers)
         if motion is None:
             raise ValueError("walls of particles need walls")
-        self._wall = dynamic.DynamicWall.on(
+        self._wall = DynamicWall.on(
             motion, settings.resolution.dp, settings.fluid.density, settings.box.dimensions
         )
         self._dimensions = settings.box.dimensions
@@ -87,7 +89,7 @@ class PlainInteraction(Interaction):
             constants = (self._grid.integers, self._grid.cell.astype(self.dtype), self._pair_k, scale)
             room = buffer_room(sorting.start, self._grid.integers)
             wall_room = buffer_room(wall_sorting.start, self._grid.integers)
-            dynamic.air_pass(
+            air_pass(
                 *air,
                 *solid,
                 *constants,
@@ -99,7 +101,7 @@ class PlainInteraction(Interaction):
                 density_rate,
                 shift,
             )
-            dynamic.wall_pass(*air, *solid, *constants, room, wall_rate, force)
+            wall_pass(*air, *solid, *constants, room, wall_rate, force)
         self._wall_rate = wall_rate
         total = force[0:3] + force[3:6]
         force[8:11] = np.cross(arm, total.T).T

@@ -69,7 +69,7 @@ def add_subgrid_stress(
     acceleration : ndarray, shape (n, 3)
         [m/s2], under the numbers of the particles.
     fluid, column, order, start, integers, cell, signed, inside, near, room
-        As in :func:`cwmav_sim.sph.forces.walled_pass`.
+        As in :func:`cwmav_sim.sph.walled.walled_pass`.
     mass : float
         Of a particle [kg].
     k : ndarray, shape (4,)
