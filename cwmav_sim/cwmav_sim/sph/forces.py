@@ -8,15 +8,12 @@ results do not depend on how many threads there are or on their order. ``walled`
 from __future__ import annotations
 
 import numba as nb
-import numpy as np
 
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
-    FAR,
-    MOST_RUNS,
-    SLABS,
     aligned_rows,
     fill,
+    slab_space,
     stretch,
     stretches,
     window,
@@ -25,7 +22,7 @@ from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import CHUNKS
 
-FLUID_VECTORS, FLUID_SCALARS = 2, 3
+FLUID = 2, 3  # vectors and scalars among the rows of the packed fluid
 
 # Places in the array of scale factors.
 SLOPE, FOUR_NU, DIFFUSION, RHO0, MASS = range(5)
@@ -89,28 +86,11 @@ def fluid_pass(
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
-        begin = np.empty(SLABS + 1, np.int64)
-        runs = np.empty((MOST_RUNS, 6), np.int64)
-        filler = np.zeros(FLUID_ROWS, fluid.dtype)
-        filler[0] = FAR
+        begin, runs = slab_space()
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
-            fill(
-                fluid,
-                column,
-                start,
-                integers,
-                cell,
-                place,
-                FLUID_VECTORS,
-                FLUID_SCALARS,
-                ANY_IMAGE,
-                filler,
-                runs,
-                buf,
-                begin,
-            )
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 first, n = window(begin, cz - z0)

@@ -127,27 +127,30 @@ def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf, m):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def pad(buf, used, filler):
-    """Put copies of ``filler`` behind the ``used`` entries, as many as a window may reach beyond them."""
+def _pad(buf, used):
+    """Put harmless entries far away behind the ``used`` ones, as many as a window may reach beyond them."""
     for k in range(buf.shape[0]):
+        value = buf.dtype.type(FAR if k == 0 else 0.0)
         for j in range(used, used + PADDING):
-            buf[k, j] = filler[k]
+            buf[k, j] = value
 
 
 @nb.njit(cache=True, error_model="numpy")
-def fill(packed, column, start, integers, cell, place, vectors, scalars, image, filler, runs, buf, begin):
+def fill(points, rows, image, integers, cell, place, runs, buf, begin):
     """Fill a buffer with everything around a stretch of cells.
 
     Parameters
     ----------
-    packed, column, start, integers, cell : ndarray
-        Sorted points, their columns, first place of every cell, grid integers and cell extent.
+    points : tuple of 3 ndarray
+        Packed points in cell order, their columns, first place of every cell.
+    rows : tuple of 2 int
+        Numbers of vectors and of scalars in the rows of the packed points (see :func:`gather_rows`).
+    image : int
+        See :func:`slab_runs`.
+    integers, cell : ndarray
+        Grid integers and cell extent.
     place : tuple of 5 int
-        Cell indices x and y of the stretch, first z and the one after the last, and the z it is centred on.
-    vectors, scalars, image : int
-        See :func:`gather_rows` and :func:`slab_runs`.
-    filler : ndarray, shape (rows,)
-        A harmless entry.
+        From :func:`stretch`.
     runs : ndarray, shape (MOST_RUNS, 6), int
         Working space.
     buf : ndarray, shape (rows, room)
@@ -155,6 +158,8 @@ def fill(packed, column, start, integers, cell, place, vectors, scalars, image, 
     begin : ndarray, shape (SLABS + 1,), int
         Filled with the first entry of every slab.
     """
+    packed, column, start = points
+    vectors, scalars = rows
     cx, cy, z0, z1, centre = place
     m = 0
     slabs = z1 - z0 + 2 * REACH
@@ -163,7 +168,7 @@ def fill(packed, column, start, integers, cell, place, vectors, scalars, image, 
         count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
         m = gather_rows(packed, column, runs, count, cell, vectors, scalars, buf, m)
     begin[slabs] = m
-    pad(buf, m, filler)
+    _pad(buf, m)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -191,6 +196,12 @@ def aligned_rows(rows, room, like):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def slab_space():
+    """Return room for the first entry of every slab of a buffer and for the runs of one."""
+    return np.empty(SLABS + 1, np.int64), np.empty((MOST_RUNS, 6), np.int64)
+
+
+@nb.njit(cache=True, error_model="numpy")
 def stretches(integers):
     """Return the number of stretches of the whole grid."""
     return integers[0] * integers[1] * _parts(integers)
@@ -209,6 +220,16 @@ def stretch(integers, number):
     part = number // (nx * ny)
     z0, z1 = part * nz // parts, (part + 1) * nz // parts
     return number % nx, number // nx % ny, z0, z1, (z0 + z1) // 2
+
+
+@nb.njit(cache=True, error_model="numpy")
+def any_marked(cells, integers, place):
+    """Return whether any cell of a stretch is marked in ``cells``, shape (cells,), bool."""
+    cx, cy, z0, z1, _ = place
+    for cz in range(z0, z1):  # noqa: SIM110 - no generators in compiled code
+        if cells[(cz * integers[1] + cy) * integers[0] + cx]:
+            return True
+    return False
 
 
 def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:

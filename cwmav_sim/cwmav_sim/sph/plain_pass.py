@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import numba as nb
-import numpy as np
 
 from cwmav_sim.sph.forces import (
-    FLUID_SCALARS,
-    FLUID_VECTORS,
+    FLUID,
     FOUR_NU,
     MASS,
     RHO0,
@@ -18,11 +16,9 @@ from cwmav_sim.sph.forces import (
 )
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
-    FAR,
-    MOST_RUNS,
-    SLABS,
     aligned_rows,
     fill,
+    slab_space,
     stretch,
     stretches,
     window,
@@ -72,32 +68,14 @@ def air_pass(
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         near = aligned_rows(FLUID_ROWS, wall_room, fluid)
-        begin, wall_begin = np.empty(SLABS + 1, np.int64), np.empty(SLABS + 1, np.int64)
-        runs = np.empty((MOST_RUNS, 6), np.int64)
-        filler = np.zeros(FLUID_ROWS, fluid.dtype)
-        filler[0] = FAR
+        begin, runs = slab_space()
+        wall_begin, _ = slab_space()
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
-            for points, columns, first_place, target, first_entry in (
-                (fluid, column, start, buf, begin),
-                (wall, wall_column, wall_start, near, wall_begin),
-            ):
-                fill(
-                    points,
-                    columns,
-                    first_place,
-                    integers,
-                    cell,
-                    place,
-                    FLUID_VECTORS,
-                    FLUID_SCALARS,
-                    ANY_IMAGE,
-                    filler,
-                    runs,
-                    target,
-                    first_entry,
-                )
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
+            solid = (wall, wall_column, wall_start)
+            fill(solid, FLUID, ANY_IMAGE, integers, cell, place, runs, near, wall_begin)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 first, n = window(begin, cz - z0)
@@ -173,10 +151,7 @@ def wall_pass(
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
-        begin = np.empty(SLABS + 1, np.int64)
-        runs = np.empty((MOST_RUNS, 6), np.int64)
-        filler = np.zeros(FLUID_ROWS, fluid.dtype)
-        filler[0] = FAR
+        begin, runs = slab_space()
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
@@ -186,21 +161,7 @@ def wall_pass(
                 empty = empty and wall_start[c + 1] == wall_start[c]
             if empty:
                 continue
-            fill(
-                fluid,
-                column,
-                start,
-                integers,
-                cell,
-                place,
-                FLUID_VECTORS,
-                FLUID_SCALARS,
-                ANY_IMAGE,
-                filler,
-                runs,
-                buf,
-                begin,
-            )
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 first, n = window(begin, cz - z0)

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
-    FAR,
-    MOST_RUNS,
     REACH,
     SLABS,
     aligned_rows,
+    any_marked,
     fill,
+    slab_space,
     stretch,
     stretches,
     window,
@@ -35,7 +35,8 @@ SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
 
 # Rows: position; velocity or (xx, xy, yy); (zz, yz, xz); weight. In a mirror the y parts of vectors change
 # sign, and so do xy and yz.
-_VECTORS, _SCALARS, _ROWS, _WEIGHT = 3, 1, 10, 9
+_LAYOUT = 3, 1  # vectors and scalars among the rows
+_ROWS, _WEIGHT = 10, 9
 
 # Places of the constants.
 _HALF_OVER_H, _SLOPE, _LENGTH2, _RHO0 = range(4)
@@ -99,37 +100,17 @@ def _pass(
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         buf = aligned_rows(_ROWS, room, packed)
-        begin = np.empty(SLABS + 1, np.int64)
+        begin, runs = slab_space()
         weight = aligned_rows(1, room, packed)[0]
         side_s = aligned_rows(channels, room, packed)
         side_d = aligned_rows(channels, room, packed)
         below, above = np.empty((channels, SLABS + 1), np.int32), np.empty((channels, SLABS + 1), np.int32)
         every = np.ones(channels, np.bool_)
-        runs = np.empty((MOST_RUNS, 6), np.int64)
-        filler = np.zeros(_ROWS, packed.dtype)
-        filler[0] = FAR
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
-            fill(
-                packed,
-                column,
-                start,
-                integers,
-                cell,
-                place,
-                _VECTORS,
-                _SCALARS,
-                ANY_IMAGE,
-                filler,
-                runs,
-                buf,
-                begin,
-            )
-            close = False
-            for cz in range(z0, z1):
-                close |= near[(cz * ny + cy) * nx + cx]
-            if close:
+            fill((packed, column, start), _LAYOUT, ANY_IMAGE, integers, cell, place, runs, buf, begin)
+            if any_marked(near, integers, place):
                 gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, every, side_s)
                 gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, every, side_d)
                 count_sides(side_s, begin, z1 - z0 + 2 * REACH, every, below, above)

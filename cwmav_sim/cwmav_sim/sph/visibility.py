@@ -20,23 +20,21 @@ import numpy as np
 
 from cwmav_sim.sph.blocks import BLOCK, scaled_block
 from cwmav_sim.sph.gather import (
-    FAR,
     FIRST,
     LAST,
-    MOST_RUNS,
     PADDING,
     REACH,
     SIGN,
-    SLABS,
     aligned_rows,
     fill,
     slab_runs,
+    slab_space,
     stretch,
     stretches,
 )
 
 # Rows of packed probes: position, normal, inward direction, distance inside the outline.
-PROBE_VECTORS, PROBE_SCALARS = 3, 1
+PROBES = 3, 1  # vectors and scalars
 PROBE_ROWS = 10
 
 CHUNKS = 64  # independent parts of a pass
@@ -106,11 +104,8 @@ def locate(
     panels, channels = probe_start.shape[0], signed.shape[0]
     zero = cell.dtype.type(0.0)
     for chunk in nb.prange(CHUNKS):
-        runs = np.empty((MOST_RUNS, 6), np.int64)
-        begin = np.empty(SLABS + 1, np.int64)
+        begin, runs = slab_space()
         buf = aligned_rows(PROBE_ROWS, room, cell)
-        filler = np.zeros(PROBE_ROWS, cell.dtype)
-        filler[0] = FAR
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
@@ -126,21 +121,8 @@ def locate(
                 if not close or channel == own:
                     continue
                 image = 1 if channel < panels else -1
-                fill(
-                    probes,
-                    probe_column,
-                    probe_start[panel],
-                    integers,
-                    cell,
-                    place,
-                    PROBE_VECTORS,
-                    PROBE_SCALARS,
-                    image,
-                    filler,
-                    runs,
-                    buf,
-                    begin,
-                )
+                wall = (probes, probe_column, probe_start[panel])
+                fill(wall, PROBES, image, integers, cell, place, runs, buf, begin)
                 for cz in range(z0, z1):
                     first, last = begin[cz - z0], begin[cz - z0 + 2 * REACH + 1]
                     if first == last:

@@ -34,7 +34,7 @@ from cwmav_sim.sph.kernel import Kernel, ray_integral_coefficients
 
 # Rows of the packed wall elements and of their buffers.
 EX, EY, EZ, EVX, EVY, EVZ, NX, NY, NZ, NORMAL_ACCELERATION, AREA = range(11)
-ELEMENT_VECTORS, ELEMENT_SCALARS = 3, 2
+ELEMENTS = 3, 2  # vectors and scalars among them
 ELEMENT_ROWS = 11
 
 (

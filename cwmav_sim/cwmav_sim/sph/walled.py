@@ -11,8 +11,7 @@ import numba as nb
 import numpy as np
 
 from cwmav_sim.sph.forces import (
-    FLUID_SCALARS,
-    FLUID_VECTORS,
+    FLUID,
     LOAD_SIZE,
     MASS,
     RHO0,
@@ -21,15 +20,15 @@ from cwmav_sim.sph.forces import (
 )
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
-    FAR,
     FIRST,
     LAST,
-    MOST_RUNS,
     REACH,
     SLABS,
     aligned_rows,
+    any_marked,
     fill,
     slab_runs,
+    slab_space,
     stretch,
     stretches,
     window,
@@ -37,7 +36,7 @@ from cwmav_sim.sph.gather import (
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import CHUNKS, count_sides, gather_sides, hide
-from cwmav_sim.sph.wall import AREA, ELEMENT_ROWS, ELEMENT_SCALARS, ELEMENT_VECTORS, sum_wall
+from cwmav_sim.sph.wall import AREA, ELEMENT_ROWS, ELEMENTS, sum_wall
 
 REACTION_SIZE = 4  # force on an element, and the mass of air it carries along
 
@@ -149,7 +148,7 @@ def walled_pass(
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
-        begin = np.empty(SLABS + 1, np.int64)
+        begin, runs = slab_space()
         weight = aligned_rows(1, room, fluid)[0]
         side_s = aligned_rows(channels, room, fluid)
         side_d = aligned_rows(channels, room, fluid)
@@ -168,52 +167,20 @@ def walled_pass(
         wall_above = np.empty((channels, channels, SLABS + 1), np.int32)
         area = aligned_rows(1, element_room, fluid)[0]
         reaction = np.zeros((channels, REACTION_SIZE, element_room), fluid.dtype)
-        runs = np.empty((MOST_RUNS, 6), np.int64)
-        filler = np.zeros(FLUID_ROWS, fluid.dtype)
-        filler[0] = FAR
-        wall_filler = np.zeros(ELEMENT_ROWS, fluid.dtype)
-        wall_filler[0] = FAR
         load = np.zeros(LOAD_SIZE)
         around = np.zeros(channels, np.bool_)
         for number in range(chunk, stretches(integers), CHUNKS):
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
-            fill(
-                fluid,
-                column,
-                start,
-                integers,
-                cell,
-                place,
-                FLUID_VECTORS,
-                FLUID_SCALARS,
-                ANY_IMAGE,
-                filler,
-                runs,
-                buf,
-                begin,
-            )
-            close = False
-            for cz in range(z0, z1):
-                close |= near[(cz * ny + cy) * nx + cx]
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
+            close = any_marked(near, integers, place)
             if close:
                 slabs = z1 - z0 + 2 * REACH
                 for channel in range(channels):
-                    fill(
-                        elements,
-                        element_column,
-                        element_start[channel % panels],
-                        integers,
-                        cell,
-                        place,
-                        ELEMENT_VECTORS,
-                        ELEMENT_SCALARS,
-                        1 if channel < panels else -1,
-                        wall_filler,
-                        runs,
-                        wall_buf[channel],
-                        wall_begin[channel],
-                    )
+                    points = (elements, element_column, element_start[channel % panels])
+                    image = 1 if channel < panels else -1
+                    buffer, first_entry = wall_buf[channel], wall_begin[channel]
+                    fill(points, ELEMENTS, image, integers, cell, place, runs, buffer, first_entry)
                     # A wall without elements around here is out of reach of every particle of the stretch.
                     around[channel] = wall_begin[channel, slabs] > 0
                 gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, around, side_s)
