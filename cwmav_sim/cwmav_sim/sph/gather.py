@@ -38,7 +38,8 @@ def slab_runs(start, integers, cx, cy, cz, dz, image, runs):
     """
     nx, ny, nz, mirrored, reach_y = integers[0], integers[1], integers[2], integers[3], integers[4]
     count = 0
-    kz = (cz + dz) % nz
+    kz = cz + dz
+    kz += nz if kz < 0 else (-nz if kz >= nz else 0)  # no division: it takes longer than a copy
     for dy in range(-reach_y, reach_y + 1):
         ky = cy + dy
         sign = 1
@@ -48,13 +49,13 @@ def slab_runs(start, integers, cx, cy, cz, dz, image, runs):
             elif ky >= ny:
                 ky, sign = 2 * ny - 1 - ky, -1
         else:
-            ky %= ny
+            ky += ny if ky < 0 else (-ny if ky >= ny else 0)
         if sign == -image:
             continue
         row = (kz * ny + ky) * nx
         x = cx - REACH
         while x <= cx + REACH:
-            lap = x // nx
+            lap = -1 if x < 0 else (1 if x >= nx else 0)
             end = min(cx + REACH, (lap + 1) * nx - 1)
             first, last = start[row + x - lap * nx], start[row + end - lap * nx + 1]
             if last > first:
