@@ -33,6 +33,12 @@ class Convergence:
     vortices: tuple[int, ...] = (25, 50, 100)
     channel: tuple[int, ...] = (10, 20, 40)
     plate: tuple[int, ...] = (8, 16, 32)
+    remark: str = (
+        "between the first two spacings the orders are 1.4 (vortices) and 1.5 (Couette); then the errors "
+        "stop at 1.2 % and 0.3 %. What is left does not come from the spacing: with 100 per side the rate "
+        "of decay is -1.558 at a Mach number of 0.1 and -1.594 at 0.05 (exact for incompressible air: "
+        "-1.579), and without the disturbed start the error of the velocity is 0.9 % instead of 1.2 %."
+    )
 
     def run(self) -> list[Check]:
         """Run the case and compare."""
