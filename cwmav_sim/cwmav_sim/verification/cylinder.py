@@ -64,6 +64,12 @@ class StartedCylinder:
     length: float = 20.0
     height: float = 20.0
     slow: bool = True
+    remark: str = (
+        "the drag rings with a period of 0.6 R/U, the time that sound takes for 9 R: its waves are three "
+        "times as long as the zones around the box and come back from them, with a third of the drag at 1 "
+        "R/U. Beneath it the rise of the drag from 1 to 3 R/U is hardly seen, with 10 as with 20 particles "
+        "along the radius: at 1 R/U the boundary layer is 0.06 R thick, 1.2 spacings at 20."
+    )
 
     @property
     def name(self) -> str:
