@@ -17,7 +17,7 @@ import typer
 
 from cwmav_common.cli import app, main_guard
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_common.progress import progress
 from cwmav_rbdo.problem import load_problem
 from cwmav_rbdo.result import Band, IterationRow

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_common import interfaces
-from cwmav_common.mcap_io import BagWriter
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rbdo.loop import AcceleratedLoop
 from cwmav_rbdo.result import IterationRow
 from cwmav_rbdo.wing_problem import WingProblem

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Recording, open_recording
+from cwmav_common.mcap_reader import Recording, open_recording
 from cwmav_rig import power
 from cwmav_rig.airspeed import density
 from cwmav_rig.blocks import Block, Series

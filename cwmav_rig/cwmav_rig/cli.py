@@ -128,7 +128,7 @@ def replay(
 
     The same recording gives the same output every time, whatever the load of the machine.
     """
-    from cwmav_common.mcap_io import open_recording
+    from cwmav_common.mcap_reader import open_recording
     from cwmav_rig.live import CycleEvent, run_in_lock_step
     from cwmav_rig.replay import Player
     from cwmav_rig.text import report_lines

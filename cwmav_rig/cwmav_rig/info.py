@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cwmav_common.mcap_io import Recording, open_recording
+from cwmav_common.mcap_reader import Recording, open_recording
 from cwmav_rig.topic_map import METADATA, guess
 
 NANO = 1e-9

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Batch, Message, Topic
+from cwmav_common.mcap_reader import Batch, Message, Topic
 from cwmav_rig.analysis import RigReport, analyse_data
 from cwmav_rig.blocks import Block
 from cwmav_rig.cycles import find_cycles

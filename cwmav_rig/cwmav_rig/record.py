@@ -14,7 +14,9 @@ from types import TracebackType
 from typing import Any
 
 from cwmav_common.errors import InputError, WorkError
-from cwmav_common.mcap_io import BagWriter, Message, open_recording, write_rosbag2_metadata
+from cwmav_common.mcap_reader import Message, open_recording
+from cwmav_common.mcap_writer import BagWriter
+from cwmav_common.rosbag2 import write_rosbag2_metadata
 from cwmav_common.settings import to_mapping
 from cwmav_rig.instruments import messages as topics
 from cwmav_rig.instruments.bench import instruments

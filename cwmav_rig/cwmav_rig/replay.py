@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Message, Recording, open_recording
+from cwmav_common.mcap_reader import Message, Recording, open_recording
 
 NANO = 1e-9
 SLOWEST, FASTEST = 0.01, 1000.0

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import BagWriter, open_recording, write_rosbag2_metadata
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
+from cwmav_common.rosbag2 import write_rosbag2_metadata
 from cwmav_common.settings import to_mapping
 from cwmav_rig.airspeed import GAS_CONSTANT, ZERO_CELSIUS
 from cwmav_rig.physics import sensor

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Recording
+from cwmav_common.mcap_reader import Recording
 from cwmav_common.settings import from_mapping, read_yaml, setting
 from cwmav_rig.angle.settings import AngleSettings
 

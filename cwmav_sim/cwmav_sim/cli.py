@@ -6,7 +6,6 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from cwmav_common.progress import progress
 from cwmav_sim import case as cases
 from cwmav_sim.case import Case
 from cwmav_sim.result import LiftResult, describe_point
+from cwmav_sim.text import check_lines, result_lines
 from cwmav_sim.verification.protocol import Check
 
 cli = app("cwmav-sim", "Lift of clapping wings by smoothed particle hydrodynamics.")
@@ -104,7 +104,7 @@ def run(
         draw(case, result, slicer.slice, picture)
     if animation is not None and film is not None:
         animate_slices(case, film.slices, animation)
-    emit(result.to_json(), json, _result_lines(result))
+    emit(result.to_json(), json, result_lines(result))
 
 
 @cli.command()
@@ -279,10 +279,10 @@ def verify(
         found = entry.run()
         if kept is not None:
             kept.add(entry, found, time.perf_counter() - started)
-        for line in _check_lines(found):
+        for line in check_lines(found):
             message(f"  {line}")
         checks += found
-    emit({"cases": [c.to_json() for c in checks]}, json, _check_lines(checks))
+    emit({"cases": [c.to_json() for c in checks]}, json, check_lines(checks))
     failures = [c for c in checks if not c.passed]
     if failures:
         raise WorkError(f"{len(failures)} of {len(checks)} checks failed")
@@ -342,58 +342,6 @@ def _reporter(bar: Bar) -> Any:
         bar.advance_to(state.fraction * state.cycles, note)
 
     return report
-
-
-def _check_lines(checks: Sequence[Check]) -> list[str]:
-    return [
-        f"{'ok  ' if c.passed else 'FAIL'} {c.name:22} {c.quantity}: {c.value:.5g} against {c.reference:.5g}"
-        f" ({c.error_percent:+.2f} %, allowed {c.tolerance_percent:g} %)"
-        for c in checks
-    ]
-
-
-def _result_lines(result: LiftResult) -> list[str]:
-    trend = ", ".join(f"{value:.4f}" for value in result.cycle_lift)
-    return [
-        f"lift    {result.mean_lift:.4f} +- {result.lift_std:.4f} N",
-        f"drag    {result.mean_drag:.4f} +- {result.drag_std:.4f} N",
-        f"power   {result.mean_power:.4f} W given to the air",
-        f"cycles  {result.cycles}, mean lift of each {trend} N"
-        f" ({'periodic' if result.periodic else 'not periodic'})",
-        f"run     {result.particles} particles, {result.steps} steps, {result.wall_s:.1f} s,"
-        f" {result.particle_steps_per_s:.3g} particle-steps/s",
-        *_detail_lines(result.details),
-        f"source  {result.source()}",
-    ]
-
-
-def _detail_lines(details: Mapping[str, Any]) -> list[str]:
-    """Parts of the lift, moment, balances and cost, as far as a result has them."""
-    lines = []
-    if parts := details.get("parts"):
-        lift = ", ".join(f"{n} {_with_std(parts[n]['lift_n'])}" for n in ("pressure", "viscous", "inertial"))
-        lines.append(f"parts   {lift} N of the lift; pitch moment {_with_std(parts['pitch_moment_n_m'])} N m")
-    if balance := details.get("balance"):
-        lines.append(
-            f"balance particles lost {balance['particles_lost']}, put back {balance['particles_put_back']}, "
-            f"let through {balance.get('particles_let_through', 0)} "
-            f"(leak {balance['leak_flux_m_s']:.2g} m/s), momentum {balance['momentum_residual']:.1g}"
-        )
-        if wings := balance.get("wings_j"):
-            share = abs(wings["made_by_exchange"] / (balance["air_j"]["work_of_wings"] or 1.0))
-            drive = wings["drive_work"]
-            lines.append(f"wings   driven with {drive:.3g} J, exchange with the air closes to {share:.1%}")
-    if cost := details.get("cost"):
-        seconds = cost["phases_s"]
-        total = sum(seconds.values()) or 1.0
-        phases = ", ".join(f"{name} {100 * s / total:.0f} %" for name, s in seconds.items())
-        where = f" on {cost['card']}" if "card" in cost else ""
-        lines.append(f"cost    {cost['pair_interactions_per_s']:.3g} pairs/s{where}; {phases}")
-    return lines
-
-
-def _with_std(value: Mapping[str, float]) -> str:
-    return f"{value['mean']:.4f} +- {value['std']:.4f}"
 
 
 main = main_guard(cli)

@@ -11,7 +11,8 @@ from rosbags.highlevel import AnyReader
 
 from cwmav_common import interfaces
 from cwmav_common.cdr import Columns
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig.analysis import analyse
 from cwmav_rig.synthesis_settings import Synthesis
 from cwmav_rig.synthesise import synthesise

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType
 
 from cwmav_common import interfaces
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig.analysis import analyse, analyse_data
 from cwmav_rig.blocks import Assembler, Block
 from cwmav_rig.cycles import find_cycles

@@ -20,7 +20,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 
 from cwmav_common import interfaces
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_common.ros.qos import LATCHED
 from cwmav_rbdo.nodes.optimiser_node import OptimiserNode
 from cwmav_sim.nodes.sim_node import SimNode

@@ -20,7 +20,7 @@ from cwmav_msgs.msg import ControlPoint
 from cwmav_msgs.srv import EvaluateLift
 from rcl_interfaces.srv import GetParameters
 
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_rbdo.ros.session import Client, NodeProcesses, find_executable
 from cwmav_sim.case import preset
 from cwmav_sim.sweep import write_table

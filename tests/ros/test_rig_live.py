@@ -17,7 +17,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from std_srvs.srv import Trigger
 
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_rig.nodes.rig_node import RigNode
 from cwmav_rig.simulated.net_box import SimulatedNetBox
 from cwmav_rig.simulated.scpi_server import TUNNEL, SimulatedScpi

@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_common.ros.qos import LATCHED
 from cwmav_rig.nodes.rig_node import RigNode
 from cwmav_rig.power_model import OperatingPoint, PowerModel

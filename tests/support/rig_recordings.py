@@ -10,7 +10,8 @@ import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
 from cwmav_common import interfaces
-from cwmav_common.mcap_io import BagWriter, Message, open_recording
+from cwmav_common.mcap_reader import Message, open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig.synthesis_settings import Artefacts, Instruments, Synthesis
 
 SMALL = Synthesis(

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from cwmav_common.interfaces import known
-from cwmav_common.mcap_io import BagWriter
+from cwmav_common.mcap_writer import BagWriter
 
 _LOOK_AROUND = 1.0  # s between looks for new topics
 _DEPTH = 1000

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Recording
+from cwmav_common.mcap_reader import Recording
 from cwmav_rig.angle.camera_model import CalibratedCamera, from_camera_info
 
 IMAGE = "sensor_msgs/msg/Image"

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Batch
+from cwmav_common.mcap_reader import Batch
 from cwmav_rig.angle.camera_model import CalibratedCamera, from_camera_info
 from cwmav_rig.angle.frames import CAMERA_INFO, calibration_signature, frame_of
 from cwmav_rig.angle.settings import AngleSettings

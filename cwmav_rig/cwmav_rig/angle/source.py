@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Recording, open_recording
+from cwmav_common.mcap_reader import Recording, open_recording
 from cwmav_rig.angle.camera_model import CalibratedCamera, load_camera
 from cwmav_rig.angle.folder import folder_frames, list_pictures
 from cwmav_rig.angle.frames import Frame, bag_camera, bag_frames, image_topics

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError, WorkError
-from cwmav_common.mcap_io import BagWriter
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_common.settings import setting, to_mapping
 from cwmav_rig.angle.camera_model import CalibratedCamera
 from cwmav_rig.angle.folder import TIMES

@@ -11,7 +11,7 @@ import numpy as np
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError, WorkError
-from cwmav_common.mcap_io import BagWriter
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_common.settings import to_mapping
 from cwmav_rig.angle.frames import COMPRESSED, Frame
 from cwmav_rig.angle.measure import FrameAngle

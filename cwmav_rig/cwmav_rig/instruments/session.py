@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from cwmav_common import interfaces
 from cwmav_common.errors import CwmavError
-from cwmav_common.mcap_io import Message
+from cwmav_common.mcap_reader import Message
 from cwmav_rig.instruments.protocol import Identity, Instrument, InstrumentError, Reading
 
 JOIN = 5.0  # s

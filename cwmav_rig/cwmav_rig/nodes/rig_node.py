@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
 from cwmav_common.errors import CwmavError, InputError
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_common.ros.calls import CallQueue
 from cwmav_common.ros.codecs import nanoseconds, time_message
 from cwmav_common.ros.diagnostics import Diagnostics, Health

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from cwmav_common.errors import CancelledError
-from cwmav_common.mcap_io import Message, Topic
+from cwmav_common.mcap_reader import Message, Topic
 from cwmav_common.workers import Job, WorkerPool
 from cwmav_rig.live import CycleEvent
 from cwmav_rig.ros.work import follow_cycles

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError, WorkError
-from cwmav_common.mcap_io import Message, Topic
+from cwmav_common.mcap_reader import Message, Topic
 from cwmav_common.ros.diagnostics import Health
 from cwmav_rig.instruments import BenchSettings, Identity, InstrumentHealth, Session, load_bench
 from cwmav_rig.instruments.bench import instruments

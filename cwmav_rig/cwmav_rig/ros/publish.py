@@ -19,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Message
+from cwmav_common.mcap_reader import Message
 from cwmav_common.ros.codecs import float32_array, nanoseconds, time_message
 from cwmav_common.ros.qos import STREAM
 from cwmav_common.ros.recorder import message_class

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Message, Topic
+from cwmav_common.mcap_reader import Message, Topic
 from cwmav_rig.analysis import RigReport, analyse
 from cwmav_rig.live import LiveRig
 from cwmav_rig.power_model import PowerModel

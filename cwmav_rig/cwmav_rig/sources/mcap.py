@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Recording, open_recording
+from cwmav_common.mcap_reader import Recording, open_recording
 from cwmav_rig.calibration import TareRun
 from cwmav_rig.sources.reader import BIN_RATE, RigData, RigReader
 from cwmav_rig.sources.tare import run_of_block

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cwmav_common.cdr import Columns, Group
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import Batch
+from cwmav_common.mcap_reader import Batch
 from cwmav_rig import airspeed
 from cwmav_rig.align import renumbered
 from cwmav_rig.blocks import Assembler, Block, Series, series

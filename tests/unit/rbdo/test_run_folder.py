@@ -9,7 +9,7 @@ import yaml
 
 from cwmav_common.errors import InputError
 from cwmav_common.interfaces import deserialise
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_rbdo.problem import parse_problem
 from cwmav_rbdo.run_folder import RunFolder
 from cwmav_rbdo.study import run_study

@@ -12,7 +12,7 @@ import yaml
 
 from cwmav_common import interfaces
 from cwmav_common.cli import main_guard
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_common.settings import to_mapping
 from cwmav_rig.angle.frames import Frame, decode_compressed
 from cwmav_rig.angle.measure import measure_frame

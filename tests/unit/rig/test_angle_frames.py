@@ -9,7 +9,8 @@ import pytest
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig.angle.folder import folder_frames
 from cwmav_rig.angle.frames import (
     CAMERA_INFO,

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cwmav_common.errors import InputError, WorkError
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig.analysis import analyse
 from cwmav_rig.angle.frames import Frame, bag_frames
 from cwmav_rig.angle.reader import PictureReader

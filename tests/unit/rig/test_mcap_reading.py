@@ -10,7 +10,8 @@ from mcap.reader import make_reader
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from support.rig_recordings import WRITERS, rewrite, split
 
 SCALAR = "cwmav_msgs/msg/ScalarStamped"

@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig.align import fit_clock
 from cwmav_rig.analysis import analyse
 from cwmav_rig.loads import to_wind_axes

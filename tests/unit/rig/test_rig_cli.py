@@ -57,7 +57,8 @@ def test_info_has_its_keys_and_a_line_per_topic(rig, small_bag):
 
 
 def test_info_shows_a_pause(rig, small_bag, tmp_path):
-    from cwmav_common.mcap_io import BagWriter, open_recording
+    from cwmav_common.mcap_reader import open_recording
+    from cwmav_common.mcap_writer import BagWriter
 
     path = tmp_path / "a.mcap"
     with open_recording(small_bag) as recording, BagWriter(path, chunk_size=1000) as bag:
@@ -119,7 +120,8 @@ def test_a_truncated_bag_is_used_as_far_as_it_goes_and_said(rig, small_bag, tmp_
 
 
 def test_a_bag_without_the_needed_topics_is_refused(rig, small_bag, tmp_path):
-    from cwmav_common.mcap_io import BagWriter, open_recording
+    from cwmav_common.mcap_reader import open_recording
+    from cwmav_common.mcap_writer import BagWriter
 
     path = tmp_path / "wind.mcap"
     with open_recording(small_bag) as recording, BagWriter(path) as bag:

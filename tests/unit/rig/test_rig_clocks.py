@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_rig.align import renumbered
 from cwmav_rig.align_phase import fit_phase
 from cwmav_rig.analysis import analyse, study

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError, WorkError
-from cwmav_common.mcap_io import BagWriter, open_recording
+from cwmav_common.mcap_reader import open_recording
+from cwmav_common.mcap_writer import BagWriter
 from cwmav_rig import cli
 from cwmav_rig.info import describe
 from cwmav_rig.instruments import BenchSettings, InstrumentError, Session, load_bench

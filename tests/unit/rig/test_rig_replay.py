@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_rig.analysis import analyse
 from cwmav_rig.cli import main
 from cwmav_rig.live import LiveRig

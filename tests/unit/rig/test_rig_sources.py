@@ -189,7 +189,7 @@ def test_pitot_speed():
 
 
 def raise_for_missing_temperature():
-    from cwmav_common.mcap_io import Batch, Topic
+    from cwmav_common.mcap_reader import Batch, Topic
     from cwmav_rig.sources.reader import RigReader
 
     kind = "sensor_msgs/msg/FluidPressure"

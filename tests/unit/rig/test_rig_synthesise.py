@@ -10,7 +10,7 @@ import pytest
 
 from cwmav_common import interfaces
 from cwmav_common.errors import InputError
-from cwmav_common.mcap_io import open_recording
+from cwmav_common.mcap_reader import open_recording
 from cwmav_rig.physics import aero, drive, sensor
 from cwmav_rig.physics.scatter import frequency_process
 from cwmav_rig.synthesis_settings import Artefacts, Instruments, Scatter, Synthesis

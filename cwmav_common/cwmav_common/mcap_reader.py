@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in MCAP: written so that viewers open them as they are, read in bounded memory from anybody.
+"""Recordings in MCAP, read in bounded memory from anybody.
 
-:class:`BagWriter` writes profile ``ros2`` with embedded schemas, chunks, zstd, CRCs and a full index.
 :func:`open_recording` takes a bare ``.mcap`` or a rosbag2 folder, split or damaged, with or without an index.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,101 +16,14 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import yaml
-from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from cwmav_common import interfaces
 from cwmav_common.errors import InputError
 from cwmav_common.mcap_file import McapFile, Piece
 from cwmav_common.mcap_scan import MessageIndex
+from cwmav_common.rosbag2 import folder_files
 
-LIBRARY = "cwmav"
 FEW_PIECES = 4
-_COMPRESSION = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
-
-
-class BagWriter:
-    """Write one MCAP file of ROS 2 messages.
-
-    The file is complete after :meth:`close`; use it as a context manager.
-
-    Parameters
-    ----------
-    path
-        File to write; its folder must exist.
-    compression
-        ``zstd``, ``lz4`` or ``none``.
-    chunk_size
-        Bytes per chunk before compression. Small chunks make seeking quick, large ones compress better.
-    """
-
-    def __init__(self, path: str | Path, *, compression: str = "zstd", chunk_size: int = 1 << 20) -> None:
-        if compression not in _COMPRESSION:
-            raise InputError(f"compression {compression!r}; allowed: {', '.join(_COMPRESSION)}")
-        self.path = Path(path)
-        try:
-            self._stream = self.path.open("wb")
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror or error})") from None
-        self._writer = Writer(self._stream, chunk_size=chunk_size, compression=_COMPRESSION[compression])
-        self._writer.start(profile="ros2", library=LIBRARY)
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, tuple[int, str]] = {}
-        self._sequence: dict[str, int] = {}
-        self._closed = False
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: Any, trace: TracebackType | None) -> None:
-        self.close()
-
-    def add_topic(self, topic: str, type_name: str, *, latched: bool = False) -> None:
-        """Declare a topic; done at the first write otherwise."""
-        if topic in self._channels:
-            return
-        if type_name not in self._schemas:
-            text = interfaces.schema_text(type_name).encode()
-            self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text)
-        metadata = {
-            "offered_qos_profiles": _qos(latched),
-            "topic_type_hash": interfaces.type_hash(type_name),
-        }
-        channel = self._writer.register_channel(topic, "cdr", self._schemas[type_name], metadata)
-        self._channels[topic] = (channel, type_name)
-
-    def write(
-        self, topic: str, type_name: str, message: Any, log_time_ns: int, publish_time_ns: int | None = None
-    ) -> None:
-        """Write a message object; `log_time_ns` is when it was received."""
-        self.write_raw(
-            topic, type_name, interfaces.serialise(message, type_name), log_time_ns, publish_time_ns
-        )
-
-    def write_raw(
-        self, topic: str, type_name: str, cdr: bytes, log_time_ns: int, publish_time_ns: int | None = None
-    ) -> None:
-        """Write a message that is CDR already."""
-        self.add_topic(topic, type_name)
-        channel, declared = self._channels[topic]
-        if declared != type_name:
-            raise InputError(f"topic {topic} carries {declared}, not {type_name}")
-        sequence = self._sequence.get(topic, 0)
-        self._sequence[topic] = sequence + 1
-        published = log_time_ns if publish_time_ns is None else publish_time_ns
-        self._writer.add_message(channel, int(log_time_ns), cdr, int(published), sequence)
-
-    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write a named set of key-value pairs about the recording."""
-        self._writer.add_metadata(name, {str(key): str(value) for key, value in values.items()})
-
-    def close(self) -> None:
-        """Finish the file: last chunk, index, footer."""
-        if not self._closed:
-            self._closed = True
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.close()
 
 
 @dataclass(frozen=True)
@@ -289,99 +201,11 @@ def open_recording(path: str | Path) -> Recording:
     path = Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such recording; expected an .mcap file or a rosbag2 folder")
-    names, notes = ([path], []) if path.is_file() else _folder_files(path)
+    names, notes = ([path], []) if path.is_file() else folder_files(path)
     with ExitStack() as opened:  # a file that is no MCAP closes those before it
         files = [opened.enter_context(closing(McapFile(name))) for name in names]
         opened.pop_all()
     return Recording(path, files, notes)
-
-
-def _folder_files(folder: Path) -> tuple[list[Path], list[str]]:
-    described = folder / "metadata.yaml"
-    present = sorted(folder.glob("*.mcap"))
-    if not described.exists():
-        if not present:
-            raise InputError(f"{folder}: holds neither metadata.yaml nor an .mcap file")
-        return present, [f"{folder}: has no metadata.yaml; the .mcap files in it are taken in order of time"]
-    names = _described_files(described)
-    paths = [folder / name for name in names]
-    missing = [path for path in paths if not path.exists()]
-    notes = [f"{path}: named in metadata.yaml but missing" for path in missing]
-    found = [path for path in paths if path.exists()]
-    if not found:
-        raise InputError(
-            f"{folder}: none of the files in metadata.yaml exists ({', '.join(names) or 'none named'})"
-        )
-    return found, notes
-
-
-def _described_files(path: Path) -> list[str]:
-    try:
-        information = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
-        storage = str(information.get("storage_identifier", "mcap"))
-        names = [str(name) for name in information["relative_file_paths"]]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: is no rosbag2 description ({type(error).__name__}: {error})") from None
-    if storage != "mcap":
-        raise InputError(f"{path}: storage is {storage!r}; only 'mcap' is read (`ros2 bag convert` makes it)")
-    return names
-
-
-def write_rosbag2_metadata(
-    folder: str | Path, recording: Recording, custom: Mapping[str, str] | None = None
-) -> None:
-    """Write the ``metadata.yaml`` (version 9) that makes `folder` a rosbag2 bag of the recording's files."""
-    start, end = recording.span_ns
-    topics = [
-        {
-            "topic_metadata": {
-                "name": topic.name,
-                "type": topic.type_name,
-                "serialization_format": topic.encoding,
-                "offered_qos_profiles": [],
-                "type_description_hash": interfaces.type_hash(topic.type_name)
-                if interfaces.known(topic.type_name)
-                else "",
-            },
-            "message_count": topic.count,
-        }
-        for topic in recording.topics.values()
-    ]
-    times = {"duration": {"nanoseconds": end - start}, "starting_time": {"nanoseconds_since_epoch": start}}
-    total = sum(topic.count for topic in recording.topics.values())
-    files = [
-        {"path": path.name, **_file_times(start, end), "message_count": total} for path in recording.files
-    ]
-    information = {
-        "version": 9,
-        "storage_identifier": "mcap",
-        **times,
-        "message_count": total,
-        "topics_with_message_count": topics,
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [path.name for path in recording.files],
-        "files": files,
-        "custom_data": dict(custom or {}),
-        "ros_distro": "jazzy",
-    }
-    text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
-    (Path(folder) / "metadata.yaml").write_text(text, encoding="utf-8")
-
-
-def _file_times(start: int, end: int) -> dict[str, Any]:
-    return {"starting_time": {"nanoseconds_since_epoch": start}, "duration": {"nanoseconds": end - start}}
-
-
-def _qos(latched: bool) -> str:
-    durability = "transient_local" if latched else "volatile"
-    return (
-        f"- history: keep_last\n  depth: {1 if latched else 100}\n  reliability: reliable\n"
-        f"  durability: {durability}\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n"
-        "  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n  liveliness: automatic\n"
-        "  liveliness_lease_duration:\n    sec: 9223372036\n    nsec: 854775807\n"
-        "  avoid_ros_namespace_conventions: false\n"
-    )
 
 
 def _first_time(file: McapFile) -> int:
