@@ -15,8 +15,9 @@ from cwmav_sim.sph.crossing import Crossings, passed_through, put_back
 from cwmav_sim.sph.easing import ease
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.integrate import correct, predict
-from cwmav_sim.sph.interaction import Interaction, Rates
+from cwmav_sim.sph.interaction import Interaction
 from cwmav_sim.sph.plain import PlainInteraction
+from cwmav_sim.sph.rates import Rates
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Compliant, Motion, Nodes, Solid, expected_speed
 from cwmav_sim.sph.state import Particles, lattice

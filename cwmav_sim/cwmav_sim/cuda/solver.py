@@ -37,7 +37,7 @@ from cwmav_sim.cuda.state import CardParticles
 from cwmav_sim.solver import REORDER_EVERY, StepInfo
 from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.forces import LOAD_SIZE
-from cwmav_sim.sph.interaction import as_rates
+from cwmav_sim.sph.rates import as_rates
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Compliant, Motion, Nodes, SheetLoad
 from cwmav_sim.sph.surfaces import Sides

@@ -17,7 +17,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_sim.sph.interaction import Rates
+from cwmav_sim.sph.rates import Rates
 from cwmav_sim.sph.settings import FlowSettings
 
 FloatArray = NDArray[np.float64]

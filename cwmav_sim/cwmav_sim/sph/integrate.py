@@ -11,7 +11,7 @@ Eng. 24 (2000) 779, as used by J. M. Dominguez et al., Comput. Part. Mech. 9 (20
 
 from __future__ import annotations
 
-from cwmav_sim.sph.interaction import Rates
+from cwmav_sim.sph.rates import Rates
 from cwmav_sim.sph.state import Particles
 
 

@@ -14,8 +14,9 @@ from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
 from cwmav_sim.sph.dynamic import DynamicWall
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.gather import buffer_room
-from cwmav_sim.sph.interaction import Interaction, Rates, as_rates
+from cwmav_sim.sph.interaction import Interaction
 from cwmav_sim.sph.plain_pass import air_pass, wall_pass
+from cwmav_sim.sph.rates import Rates, as_rates
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.state import FloatArray, Particles
