@@ -62,10 +62,11 @@ def _read(builder: Any) -> Any:
     processor = _processor(builder)
     if processor == "x86_64":
         slot = cgutils.alloca_once(builder, _HALF)
-        builder.call(_mxcsr(builder, "stmxcsr"), [builder.bitcast(slot, _BYTE.as_pointer())])
+        store = _intrinsic(builder, "x86.sse.stmxcsr", ir.VoidType(), [_BYTE.as_pointer()])
+        builder.call(store, [builder.bitcast(slot, _BYTE.as_pointer())])
         return builder.zext(builder.load(slot), _WORD)
     if processor == "aarch64":
-        return builder.asm(ir.FunctionType(_WORD, []), "mrs $0, fpcr", "=r", [], side_effect=True)
+        return builder.call(_intrinsic(builder, "aarch64.get.fpcr", _WORD, []), [])
     return ir.Constant(_WORD, 0)
 
 
@@ -74,14 +75,14 @@ def _write(builder: Any, mode: Any) -> None:
     if processor == "x86_64":
         slot = cgutils.alloca_once(builder, _HALF)
         builder.store(builder.trunc(mode, _HALF), slot)
-        builder.call(_mxcsr(builder, "ldmxcsr"), [builder.bitcast(slot, _BYTE.as_pointer())])
+        load = _intrinsic(builder, "x86.sse.ldmxcsr", ir.VoidType(), [_BYTE.as_pointer()])
+        builder.call(load, [builder.bitcast(slot, _BYTE.as_pointer())])
     elif processor == "aarch64":
-        builder.asm(ir.FunctionType(ir.VoidType(), [_WORD]), "msr fpcr, $0", "r", [mode], side_effect=True)
+        builder.call(_intrinsic(builder, "aarch64.set.fpcr", ir.VoidType(), [_WORD]), [mode])
 
 
-def _mxcsr(builder: Any, instruction: str) -> Any:
-    """Return the LLVM intrinsic that stores or loads the control word of the vector unit."""
-    name = f"llvm.x86.sse.{instruction}"
-    if name in builder.module.globals:
-        return builder.module.globals[name]
-    return ir.Function(builder.module, ir.FunctionType(ir.VoidType(), [_BYTE.as_pointer()]), name)
+def _intrinsic(builder: Any, name: str, result: Any, arguments: list[Any]) -> Any:
+    """Return the LLVM intrinsic of this name, declared at its first use."""
+    full = f"llvm.{name}"
+    known = builder.module.globals.get(full)
+    return known or ir.Function(builder.module, ir.FunctionType(result, arguments), full)

@@ -3,10 +3,13 @@
 
 import platform
 
+import llvmlite.binding as llvm
 import numba as nb
 import numpy as np
 import pytest
+from llvmlite import ir
 
+from cwmav_sim.sph import subnormals
 from cwmav_sim.sph.pair import pair_constants, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 
@@ -36,6 +39,29 @@ def test_subnormal_results_become_zero_in_between_and_stay_afterwards():
     assert (halved(True) == 0.0).all()
     assert (halved(False) > 0.0).all()
     assert np.float32(1e-38) * np.float32(0.1) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("triple", "instructions"),
+    [
+        ("x86_64-unknown-linux-gnu", ("stmxcsr", "ldmxcsr")),
+        ("aarch64-unknown-linux-gnu", ("FPCR",)),
+        ("riscv64-unknown-linux-gnu", ()),
+    ],
+)
+def test_machine_code_of_every_processor(triple, instructions):
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    module = ir.Module()
+    module.triple = triple
+    function = ir.Function(module, ir.FunctionType(ir.IntType(64), []), "both")
+    builder = ir.IRBuilder(function.append_basic_block())
+    mode = subnormals._read(builder)
+    subnormals._write(builder, mode)
+    builder.ret(mode)
+    machine = llvm.Target.from_triple(triple).create_target_machine()
+    text = machine.emit_assembly(llvm.parse_assembly(str(module)))
+    assert all(name in text for name in instructions)
 
 
 @nb.njit
