@@ -34,7 +34,8 @@ def slab_runs(start, integers, cx, cy, cz, dz, image, runs):
     """List the contiguous runs of points around cell (cx, cy) at z index cz + dz; return their number.
 
     ``dz`` [cells] is also the shift in z of the runs. ``image`` 1 takes the points themselves, -1 their
-    mirror images and :data:`ANY_IMAGE` both.
+    mirror images and :data:`ANY_IMAGE` both. Whatever is around lies within one period of the box, because a
+    grid has more cells along a periodic axis than a surrounding (:func:`cwmav_sim.sph.cells.make_grid`).
     """
     nx, ny, nz, mirrored, reach_y = integers[0], integers[1], integers[2], integers[3], integers[4]
     count = 0

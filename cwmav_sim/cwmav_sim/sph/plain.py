@@ -111,7 +111,7 @@ class PlainInteraction(Interaction):
         sides = Sides.empty(self.panels, n, self.dtype)  # walls of particles hide nothing
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
         acceleration += self._gravity
-        if not shifting:  # which has the wall particles to keep away from, and does not look at sides
+        if not self._middle:  # what passed is counted at the begin; those of the middle would ease air away
             with self._timers.phase("walls"):
                 sides = self._sides(nodes, fluid, column, sorting)
         # The force does not depend on the wall's acceleration, so no air is carried along within a pass.

@@ -95,7 +95,11 @@ def air_pass(
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
 def _sums(a, buf, first, n, k, shifting):
-    """Return the sums over all of a buffer; walls of particles hide nothing."""
+    """Return the sums over all of a buffer; walls of particles hide nothing.
+
+    One function that both passes call: inlined into them, its sums have other last digits
+    (docs/decisions/0013).
+    """
     return sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
 
 

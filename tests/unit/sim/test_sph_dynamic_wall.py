@@ -10,7 +10,7 @@ from cwmav_common.errors import InputError
 from cwmav_sim.case import preset, with_overrides
 from cwmav_sim.solver import Solver
 from cwmav_sim.sph.dynamic import DynamicWall
-from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Fringe, Resolution, SheetOptions
+from cwmav_sim.sph.settings import Box, FlowSettings, Fluid, Fringe, Resolution, SheetOptions, Shifting
 from cwmav_sim.verification.plates import FixedPlate, OscillatingPlate
 
 DP = 0.0125
@@ -86,6 +86,14 @@ def test_what_passes_through_is_counted_and_left_where_it_is():
     assert surely > 10
     assert surely <= counted <= perhaps
     assert counted == solver.crossings
+
+
+@pytest.mark.parametrize("coefficient", [0.0, 0.5])
+def test_nothing_eases_air_away_from_wall_particles(coefficient):
+    shifting = Shifting(coefficient=coefficient)
+    near, _ = run(replace(PLAIN, shifting=shifting), MOVING, 25)
+    far, _ = run(replace(PLAIN, shifting=shifting, sheet=replace(PLAIN.sheet, keep_out=0.9)), MOVING, 25)
+    assert np.array_equal(near.position, far.position)
 
 
 def test_density_of_the_wall_never_falls_below_that_at_rest():
