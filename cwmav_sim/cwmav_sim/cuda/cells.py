@@ -87,18 +87,18 @@ class CellSort:
         self.key = empty(count, np.int32)
         self.start = empty(cells + 1, np.int32)
         self.order = empty(count, np.int32)
-        self._rank = empty(count, np.int32)
+        self._rank, self._arrived = empty(count, np.int32), empty(count, np.int32)
         self._tally = zeros(cells, np.int32)
         self._scan = Scan(cells)
 
     def sort(self) -> None:
         """Fill ``start`` and ``order`` from ``key``."""
-        count, cells = self.key.shape[0], self._tally.shape[0]
+        count = self.key.shape[0]
         clear(self._tally)
         launch(_tally, count, self.key, self._tally, self._rank)
         self._scan(self._tally, self.start)
-        launch(_place, count, self.key, self._rank, self.start, self.order)
-        launch(_settle, cells, self.start, self.order)
+        launch(_place, count, self.key, self._rank, self.start, self._arrived)
+        launch(_settle, count, self.key, self.start, self._arrived, self.order)
 
 
 def find_cells(x: CardArray, grid: CardGrid, key: CardArray) -> None:
@@ -155,15 +155,14 @@ def _place(key, rank, start, order):
 
 
 @cuda.jit(cache=True)
-def _settle(start, order):
-    """Sort the few points of every cell by number."""
-    c = cuda.grid(1)
-    if c + 1 < start.shape[0]:
-        first = start[c]
-        for j in range(first + 1, start[c + 1]):
-            moving = order[j]
-            at = j
-            while at > first and order[at - 1] > moving:
-                order[at] = order[at - 1]
-                at -= 1
-            order[at] = moving
+def _settle(key, start, arrived, order):
+    """Put the points of every cell into the order of their numbers: each counts those before it."""
+    j = cuda.grid(1)
+    if j < order.shape[0]:
+        i = arrived[j]
+        first, last = start[key[i]], start[key[i] + 1]
+        at = first
+        for q in range(first, last):
+            if arrived[q] < i:
+                at += 1
+        order[at] = i

@@ -11,13 +11,13 @@ from cwmav_common.errors import InputError
 from cwmav_sim.cuda.cells import CardGrid, CellSort, find_cells, floats
 from cwmav_sim.cuda.elements import CardElements
 from cwmav_sim.cuda.fluid import near_pass, open_pass, pack
-from cwmav_sim.cuda.launch import CardArray, blocks, empty, launch, zeros
+from cwmav_sim.cuda.launch import CardArray, empty, launch, start_blocks, zeros
 from cwmav_sim.cuda.nearness import OWN_ROWS, Nearness
 from cwmav_sim.cuda.reactions import reaction_pass
 from cwmav_sim.cuda.scan import reduce_blocks
 from cwmav_sim.cuda.state import CardParticles
 from cwmav_sim.cuda.vector import MOVE_SIZE, PLACE_SIZE, STATE_SIZE
-from cwmav_sim.cuda.walled import wall_pass
+from cwmav_sim.cuda.walled import WALL_BLOCKS, wall_pass
 from cwmav_sim.sph.cells import Grid
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.forces import LOAD_SIZE
@@ -83,7 +83,7 @@ class CardInteraction:
             elements = self._walls.count
         self._nearness = Nearness(count, elements, self.panels, self._grid, dtype)
         self.reaction = empty((REACTION_SIZE, max(elements, 1)))
-        self._partial = empty((self.panels * LOAD_SIZE, blocks(count)))
+        self._partial = empty((self.panels * LOAD_SIZE, WALL_BLOCKS))
         self._count = count
 
     def sides(self) -> CardArray:
@@ -158,9 +158,9 @@ class CardInteraction:
         if walls is None:
             return
         launch(near_pass, count, *fluid_arguments)
-        launch(
+        start_blocks(
             wall_pass,
-            count,
+            WALL_BLOCKS,
             *self._records,
             self._cell_of,
             sort.order,

@@ -17,6 +17,9 @@ from cwmav_sim.cuda.starting import Starter, pack_array
 # thread of the operating system for each.
 THREADS = 16 if config.ENABLE_CUDASIM else 128
 
+# Threads that share the work of one particle where it is large: a warp.
+LANES = 4 if config.ENABLE_CUDASIM else 32
+
 # Running totals end in a single block, and small cases never fill a card.
 warnings.filterwarnings("ignore", message=".*Grid size .* under-utilization")
 

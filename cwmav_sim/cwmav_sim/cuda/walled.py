@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wall sums of the particles near walls, and the forces on the walls."""
+"""The wall sums of the particles near walls, and the forces on the walls.
+
+Few particles have walls around them, and those have many elements each, so a group of threads shares the
+elements of one particle. The number of blocks is fixed; they take one set of particles after the other.
+"""
 
 from __future__ import annotations
 
 import numba as nb
-from numba import cuda
+from numba import config, cuda
 
 from cwmav_sim.cuda.cells import (
     CELL_X,
@@ -19,7 +23,7 @@ from cwmav_sim.cuda.cells import (
     ZERO,
     place_of,
 )
-from cwmav_sim.cuda.launch import THREADS
+from cwmav_sim.cuda.launch import LANES, THREADS
 from cwmav_sim.cuda.rows import REACH, laps, layer, row, run
 from cwmav_sim.cuda.vector import DENSITY, PLACE_X, PLACE_Y, PLACE_Z, four, two
 from cwmav_sim.cuda.visibility import hidden
@@ -45,6 +49,10 @@ from cwmav_sim.sph.wall import (
     NZ as NORMAL_Z,
 )
 
+GROUPS = THREADS // LANES  # particles that a block works on at a time
+WALL_BLOCKS = 4 if config.ENABLE_CUDASIM else 1024  # as many as a large card works on at a time
+_SUMS = 12
+
 
 @cuda.jit(device=True, fastmath=True)
 def _sum_channel(
@@ -52,6 +60,7 @@ def _sum_channel(
     move,
     state,
     i,
+    lane,
     cell_place,
     c,
     signed,
@@ -67,7 +76,7 @@ def _sum_channel(
     reach,
     k,
 ):
-    """Return the twelve wall sums of the particle at place ``i`` for one wall or one image of a wall."""
+    """Return one lane's part of the twelve sums of the particle at place ``i`` for a wall or an image."""
     cx, cy, cz = cell_place
     nx, reach_y = integers[NX], integers[REACH_Y]
     one, zero = reach[ONE], reach[ZERO]
@@ -91,7 +100,7 @@ def _sum_channel(
                 column_a = first_column
                 for lap in range(first_lap, last_lap + 1):
                     first, last = run(start, base_cell + base, nx, cx - REACH, cx + REACH, lap)
-                    for j in range(first, last):
+                    for j in range(first + lane, last, LANES):
                         ax = x - elements[EX, j] + (column_a - element_column[j]) * reach[CELL_X]
                         ay = y - shift_y * reach[CELL_Y] - sign * elements[EY, j]
                         az = z - shift_z * reach[CELL_Z] - elements[EZ, j]
@@ -165,37 +174,30 @@ def wall_pass(
 ):
     """Add the wall sums of the listed particles to their rates; every block leaves its wall loads.
 
-    ``partial``, shape (11 panels, blocks), receives per panel pressure force (3), viscous force (3), power of
-    the two on the moving wall and moment about the origin (3).
+    ``partial``, shape (11 panels, WALL_BLOCKS), receives per panel pressure force (3), viscous force (3),
+    power of the two on the moving wall and moment about the origin (3).
     """
-    part = cuda.shared.array((LOAD_SIZE, THREADS), nb.float64)
-    t = cuda.threadIdx.x
-    b = cuda.blockIdx.x
-    total = near[near.shape[0] - 1]
+    part = cuda.shared.array((_SUMS, THREADS), nb.float64)
+    total = cuda.shared.array((_SUMS, GROUPS), nb.float64)
+    load = cuda.shared.array((LOAD_SIZE, GROUPS), nb.float64)
+    t, b = cuda.threadIdx.x, cuda.blockIdx.x
+    group, lane = t // LANES, t % LANES
+    number_near = near[near.shape[0] - 1]
     for q in range(t, partial.shape[0], THREADS):
         partial[q, b] = 0.0
-    if b * THREADS >= total:
-        return
     cuda.syncthreads()
-    at = cuda.grid(1)
-    i = listed[at] if at < total else listed[0]
-    cell_place = place_of(cell_of[i], integers)
-    cx, cy, cz = cell_place
-    x = low[0] + (cx + 0.5) * cell[0] + place[i, PLACE_X]
-    y = low[1] + (cy + 0.5) * cell[1] + place[i, PLACE_Y]
-    z = low[2] + (cz + 0.5) * cell[2] + place[i, PLACE_Z]
-    number = order[i]
-    mass = scale[MASS]
-    for c in range(signed.shape[0]):
-        panel = c if c < panels else c - panels
-        for q in range(LOAD_SIZE):
-            part[q, t] = 0.0
-        if at < total:
-            px, py, pz, fx, fy, fz, div, sx, sy, sz, pp, pf = _sum_channel(
+    for first in range(b * GROUPS, number_near, WALL_BLOCKS * GROUPS):
+        there = first + group < number_near
+        i = listed[first + group] if there else listed[first]
+        cell_place = place_of(cell_of[i], integers)
+        for c in range(signed.shape[0]):
+            panel = c if c < panels else c - panels
+            sums = _sum_channel(
                 place,
                 move,
                 state,
                 i,
+                lane,
                 cell_place,
                 c,
                 signed,
@@ -211,32 +213,80 @@ def wall_pass(
                 reach,
                 k,
             )
-            acceleration[0, number] += px + fx
-            acceleration[1, number] += py + fy
-            acceleration[2, number] += pz + fz
-            density_rate[number] += (scale[RHO0] + state[i, DENSITY]) * div
-            if shifting:
-                shift[0, number] += sx
-                shift[1, number] += sy
-                shift[2, number] += sz
-            # The load on an image is the mirror of one on the wall itself.
-            mirror = 1.0 if c < panels else -1.0
-            lx, ly, lz = -mass * (px + fx), -mass * (py + fy), -mass * (pz + fz)
-            part[0, t] = -mass * px
-            part[1, t] = -mass * py * mirror
-            part[2, t] = -mass * pz
-            part[3, t] = -mass * fx
-            part[4, t] = -mass * fy * mirror
-            part[5, t] = -mass * fz
-            part[6, t] = -mass * pp
-            part[7, t] = -mass * pf
-            part[8, t] = (y * lz - z * ly) * mirror
-            part[9, t] = z * lx - x * lz
-            part[10, t] = (x * ly - y * lx) * mirror
-        cuda.syncthreads()
-        if t < LOAD_SIZE:
-            found = 0.0
-            for q in range(THREADS):
-                found += part[t, q]
-            partial[panel * LOAD_SIZE + t, b] += found
-        cuda.syncthreads()
+            _keep(sums, part, t)
+            cuda.syncthreads()
+            for w in range(t, _SUMS * GROUPS, THREADS):
+                q, g = w // GROUPS, w % GROUPS
+                found = 0.0
+                for p in range(g * LANES, (g + 1) * LANES):
+                    found += part[q, p]
+                total[q, g] = found
+            cuda.syncthreads()
+            if lane == 0:
+                mirror = 1.0 if c < panels else -1.0
+                position = _position(place, i, cell_place, low, cell)
+                _load(total, group, position, scale[MASS] if there else 0.0, mirror, load)
+                if there:
+                    number = order[i]
+                    acceleration[0, number] += total[0, group] + total[3, group]
+                    acceleration[1, number] += total[1, group] + total[4, group]
+                    acceleration[2, number] += total[2, group] + total[5, group]
+                    density_rate[number] += (scale[RHO0] + state[i, DENSITY]) * total[6, group]
+                    if shifting:
+                        for q in range(3):
+                            shift[q, number] += total[7 + q, group]
+            cuda.syncthreads()
+            for q in range(t, LOAD_SIZE, THREADS):
+                found = 0.0
+                for g in range(GROUPS):
+                    found += load[q, g]
+                partial[panel * LOAD_SIZE + q, b] += found
+            cuda.syncthreads()
+
+
+@cuda.jit(device=True)
+def _keep(sums, part, t):
+    """Leave the twelve sums of a thread where its block finds them."""
+    px, py, pz, fx, fy, fz, div, sx, sy, sz, pp, pf = sums
+    part[0, t] = px
+    part[1, t] = py
+    part[2, t] = pz
+    part[3, t] = fx
+    part[4, t] = fy
+    part[5, t] = fz
+    part[6, t] = div
+    part[7, t] = sx
+    part[8, t] = sy
+    part[9, t] = sz
+    part[10, t] = pp
+    part[11, t] = pf
+
+
+@cuda.jit(device=True)
+def _position(place, i, cell_place, low, cell):
+    """Return the position [m] of the particle at place ``i``."""
+    cx, cy, cz = cell_place
+    x = low[0] + (cx + 0.5) * cell[0] + place[i, PLACE_X]
+    y = low[1] + (cy + 0.5) * cell[1] + place[i, PLACE_Y]
+    z = low[2] + (cz + 0.5) * cell[2] + place[i, PLACE_Z]
+    return x, y, z
+
+
+@cuda.jit(device=True)
+def _load(total, group, position, mass, mirror, load):
+    """Fill in the load of a particle on a wall; that on an image is the mirror of one on the wall itself."""
+    x, y, z = position
+    px, py, pz = -mass * total[0, group], -mass * total[1, group], -mass * total[2, group]
+    fx, fy, fz = -mass * total[3, group], -mass * total[4, group], -mass * total[5, group]
+    lx, ly, lz = px + fx, py + fy, pz + fz
+    load[0, group] = px
+    load[1, group] = py * mirror
+    load[2, group] = pz
+    load[3, group] = fx
+    load[4, group] = fy * mirror
+    load[5, group] = fz
+    load[6, group] = -mass * total[10, group]
+    load[7, group] = -mass * total[11, group]
+    load[8, group] = (y * lz - z * ly) * mirror
+    load[9, group] = z * lx - x * lz
+    load[10, group] = (x * ly - y * lx) * mirror
