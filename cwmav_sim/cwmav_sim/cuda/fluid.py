@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fluid sums of all particles: one thread each, over neighbours in cell order.
 
-Neighbours are taken row by row (see ``rows``). First a thread looks through all rows in pieces and keeps, for
-every piece, the places within the support as the bits of an integer; then it sums these. Threads of a warp
-have about the same number of neighbours, but not in the same rows: summed row by row, many would wait. The
-innermost loops load whole records (see ``vector``) and count in unsigned integers of 32 bits, which spares
-them the arithmetic for negative and for long indices.
+Neighbours are taken row by row (see ``rows``). A row is looked through in pieces: first the places within the
+support are marked in the bits of an integer, then only these are summed. Threads of a warp work on particles
+of the same row, so they want the same memory and about the same number of pairs. The innermost loops load
+whole records (see ``vector``) and count in unsigned integers of 32 bits, which spares them the arithmetic for
+negative and for long indices.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numba import cuda
 
@@ -29,7 +28,6 @@ from cwmav_sim.cuda.cells import (
     ZERO,
     place_of,
 )
-from cwmav_sim.cuda.launch import THREADS
 from cwmav_sim.cuda.pair import add_pair, no_sums
 from cwmav_sim.cuda.rows import REACH, extent, laps, layer, left_beyond, row, run
 from cwmav_sim.cuda.vector import (
@@ -44,16 +42,12 @@ from cwmav_sim.cuda.vector import (
     PRESSURE,
     VOLUME,
     four,
-    real,
     two,
 )
 from cwmav_sim.cuda.visibility import hidden
 from cwmav_sim.sph.forces import DIFFUSION, FOUR_NU, RHO0, SLOPE
 
-PIECE = 22  # places whose marks fit into a positive integer of 32 bits beside the code of their row
-KEPT = 32  # pieces that a thread keeps before it sums; almost always enough for all
-
-_MARKS = (1 << PIECE) - 1
+PIECE = 31  # places whose marks fit into a positive integer of 32 bits
 
 # Places in the equation of state.
 EOS_DENSITY, EOS_STIFFNESS, EOS_GAMMA, EOS_BACKGROUND = range(4)
@@ -101,80 +95,48 @@ def pack(x, v, rho, key, order, low, cell, integers, eos, mass, place, move, sta
         cell_of[j] = c
 
 
-@cuda.jit(device=True, fastmath=True)
-def _within(place, begin, end, at, sign, reach):
-    """Return in bits which of the places ``begin`` .. ``end - 1`` lie within the support of a particle.
-
-    ``at`` is its position as seen from the row, and its column; ``sign`` is -1 in a mirror image.
-    """
-    xa, ya, za, column_a = at
-    marks, bit = np.int32(0), np.int32(1)
-    j = begin
-    while j < end:
-        xb, yb, zb, column_b = four(place, j)
-        dx = xa - xb + (column_a - column_b) * reach[CELL_X]
-        dy = ya - sign * yb
-        dz = za - zb
-        if dx * dx + dy * dy + dz * dz < reach[SUPPORT2]:
-            marks = np.int32(marks | bit)
-        bit = np.int32(bit << 1)
-        j = np.uint32(j + 1)
-    return marks
-
-
-@cuda.jit(device=True)
-def _code(dy, dz, lap, side):
-    """Return in nine bits which row a piece belongs to."""
-    return np.int32((dy + REACH) | ((dz + REACH) << 3) | ((lap + 1) << 6) | ((side < 0) << 8))
-
-
-@cuda.jit(device=True)
-def _of_row(code, reach):
-    """Return how far the row of a code lies away, in cells along y and z, its lap and its sign."""
-    one = reach[ONE]
-    dy = real(np.int32((code & 7) - REACH), one)
-    dz = real(np.int32(((code >> 3) & 7) - REACH), one)
-    lap = real(np.int32(((code >> 6) & 3) - 1), one)
-    return dy, dz, lap, (-one if code >> 8 else one)
-
-
 def _make_pass(hides: bool) -> Any:
     """Return the pass over particles that see no wall, or over those listed as near one."""
 
     @cuda.jit(device=True, fastmath=True)
-    def sum_kept(
-        begins, marked, kept, place, move, state, own, a, sums, reach, k, shifting, signed, inside, panels, i
+    def sum_run(
+        place, move, state, first, last, at, sign, a, sums, reach, k, shifting, signed, inside, panels, i
     ):
-        """Return the sums of the particle at place ``i`` with the places that its thread has marked.
+        """Add the places ``first`` .. ``last - 1`` to the sums of the particle at place ``i``.
 
-        ``own`` is its position, relative to the centre of its cell, and its column.
+        ``at`` is its position as seen from the row, and its column; ``sign`` is -1 in a mirror image.
         """
-        t = cuda.threadIdx.x
-        x, y, z, column = own
-        ya, za, column_a, sign = y, z, column, reach[ONE]
-        begin = np.uint32(0)
-        marks, q = np.int32(0), np.uint32(0)
-        while marks != 0 or q < kept:
-            if marks == 0:
-                begin = begins[q, t]
-                marks = np.int32(marked[q, t] & _MARKS)
-                dy, dz, lap, sign = _of_row(np.int32(marked[q, t] >> PIECE), reach)
-                ya, za = y - dy * reach[CELL_Y], z - dz * reach[CELL_Z]
-                column_a = column - lap * reach[COLUMNS]
-                q = np.uint32(q + 1)
-            j = np.uint32(begin + cuda.ffs(marks) - 1)
-            marks = np.int32(marks & (marks - 1))
-            xb, yb, zb, column_b = four(place, j)
-            dx = x - xb + (column_a - column_b) * reach[CELL_X]
-            dy_ = ya - sign * yb
-            dz_ = za - zb
-            ub, vb, wb, volume = four(move, j)
-            density, pressure = two(state, j)
-            if hides and hidden(signed, inside, i, signed, inside, j, sign < reach[ZERO], panels):
-                volume = reach[ZERO]
-            apart = (dx, dy_, dz_, dx * dx + dy_ * dy_ + dz_ * dz_)
-            b = (ub, sign * vb, wb, density, pressure, volume)
-            sums = add_pair(sums, apart, a, b, k, shifting)
+        xa, ya, za, column_a = at
+        begin = np.uint32(first)
+        while begin < last:
+            end = np.uint32(min(begin + PIECE, last))
+            marks = np.int32(0)
+            bit = np.int32(1)
+            j = begin
+            while j < end:
+                xb, yb, zb, column_b = four(place, j)
+                dx = xa - xb + (column_a - column_b) * reach[CELL_X]
+                dy = ya - sign * yb
+                dz = za - zb
+                if dx * dx + dy * dy + dz * dz < reach[SUPPORT2]:
+                    marks = np.int32(marks | bit)
+                bit = np.int32(bit << 1)
+                j = np.uint32(j + 1)
+            while marks != 0:
+                j = np.uint32(begin + cuda.ffs(marks) - 1)
+                marks = np.int32(marks & (marks - 1))
+                xb, yb, zb, column_b = four(place, j)
+                dx = xa - xb + (column_a - column_b) * reach[CELL_X]
+                dy = ya - sign * yb
+                dz = za - zb
+                ub, vb, wb, volume = four(move, j)
+                density, pressure = two(state, j)
+                if hides and hidden(signed, inside, i, signed, inside, j, sign < reach[ZERO], panels):
+                    volume = reach[ZERO]
+                apart = (dx, dy, dz, dx * dx + dy * dy + dz * dz)
+                b = (ub, sign * vb, wb, density, pressure, volume)
+                sums = add_pair(sums, apart, a, b, k, shifting)
+            begin = end
         return sums
 
     @cuda.jit(cache=True, fastmath=True)
@@ -201,16 +163,14 @@ def _make_pass(hides: bool) -> Any:
         density_rate,
         shift,
     ):
-        begins = cuda.shared.array((KEPT, THREADS), nb.uint32)
-        marked = cuda.shared.array((KEPT, THREADS), nb.int32)
-        t = cuda.threadIdx.x
-        i = cuda.grid(1)
-        if i >= order.shape[0]:
+        t = cuda.grid(1)
+        if t >= order.shape[0]:
             return
+        i = t
         if hides:
-            if i >= near[near.shape[0] - 1]:
+            if t >= near[near.shape[0] - 1]:
                 return
-            i = listed[i]
+            i = listed[t]
         elif near[cell_of[i] + 1] > near[cell_of[i]]:
             return
         cx, cy, cz = place_of(cell_of[i], integers)
@@ -220,9 +180,7 @@ def _make_pass(hides: bool) -> Any:
         density, pressure = two(state, i)
         a = (ua, va, wa, density, pressure)
         one = reach[ONE]
-        own = (x, y, z, column)
         sums = no_sums(k)
-        kept = np.uint32(0)
         shift_z = reach[MINUS_TWO]
         dz = np.int32(-REACH)
         while dz <= REACH:
@@ -239,60 +197,32 @@ def _make_pass(hides: bool) -> Any:
                     lap, last_lap = laps(nx, cx + low, cx + high)
                     column_a = column + reach[COLUMNS] if lap < 0 else column
                     while lap <= last_lap:
-                        begin, last = run(start, base, nx, cx + low, cx + high, lap)
+                        first, last = run(start, base, nx, cx + low, cx + high, lap)
                         at = (x, y - shift_y * reach[CELL_Y], z - shift_z * reach[CELL_Z], column_a)
-                        while begin < last:
-                            end = np.uint32(min(begin + PIECE, last))
-                            marks = _within(place, begin, end, at, sign, reach)
-                            if marks != 0:
-                                if kept == KEPT:
-                                    sums = sum_kept(
-                                        begins,
-                                        marked,
-                                        kept,
-                                        place,
-                                        move,
-                                        state,
-                                        own,
-                                        a,
-                                        sums,
-                                        reach,
-                                        k,
-                                        shifting,
-                                        signed,
-                                        inside,
-                                        panels,
-                                        i,
-                                    )
-                                    kept = np.uint32(0)
-                                begins[kept, t] = begin
-                                marked[kept, t] = marks | (_code(dy, dz, lap, side) << PIECE)
-                                kept = np.uint32(kept + 1)
-                            begin = end
+                        sums = sum_run(
+                            place,
+                            move,
+                            state,
+                            first,
+                            last,
+                            at,
+                            sign,
+                            a,
+                            sums,
+                            reach,
+                            k,
+                            shifting,
+                            signed,
+                            inside,
+                            panels,
+                            i,
+                        )
                         column_a -= reach[COLUMNS]
                         lap = np.int32(lap + 1)
                 shift_y += one
                 dy = np.int32(dy + 1)
             shift_z += one
             dz = np.int32(dz + 1)
-        sums = sum_kept(
-            begins,
-            marked,
-            kept,
-            place,
-            move,
-            state,
-            own,
-            a,
-            sums,
-            reach,
-            k,
-            shifting,
-            signed,
-            inside,
-            panels,
-            i,
-        )
         number = order[i]
         rho = scale[RHO0] + density
         slope = scale[SLOPE]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads of two or four neighbouring numbers by one instruction, and numbers of one precision.
+"""Loads of two or four neighbouring numbers by one instruction.
 
 A particle in cell order has three records: where it is (x, y, z, column), how it moves (velocity and volume)
 and its state (density above rest and pressure). Whole records are loaded at once, because a pass over
@@ -28,10 +28,6 @@ if config.ENABLE_CUDASIM:
     def two(records: Any, j: Any) -> Any:
         """Return the two numbers of record ``j`` of an array of shape (n, 2)."""
         return records[j, 0], records[j, 1]
-
-    def real(number: Any, like: Any) -> Any:
-        """Return an integer in the precision of another number."""
-        return type(like)(number)
 
 else:
     from llvmlite import ir
@@ -67,12 +63,3 @@ else:
 
     four = _loader(4)
     two = _loader(2)
-
-    @intrinsic
-    def real(typing_context: Any, number: Any, like: Any) -> Any:
-        """Return an integer in the precision of another number."""
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.sitofp(arguments[0], context.get_value_type(signature.return_type))
-
-        return like(number, like), generate
