@@ -68,7 +68,8 @@ def demo(
         result = _optimise(client, task, problem, seed)
         _check_live(client, result)
         if not live:
-            _say(f"          {change(bundled('12 mm'), bundled('8 mm'))}")
+            for spacing in ("12 mm", "4 mm"):
+                _say(f"          {change(bundled(spacing), bundled('8 mm'))}")
         _say(f"report    {Path(result.run_folder) / 'report.html'}")
 
 

@@ -13,7 +13,12 @@ from cwmav_common.errors import InputError
 from cwmav_sim.table import TableRows, read_rows
 
 _SMALL = 0.05  # N: below that a relative change says nothing
-_BUNDLED = {"6 mm": "lift_6mm.csv", "8 mm": "lift_table.csv", "12 mm": "lift_12mm.csv"}
+_BUNDLED = {
+    "4 mm": "lift_4mm.csv",
+    "6 mm": "lift_6mm.csv",
+    "8 mm": "lift_table.csv",
+    "12 mm": "lift_12mm.csv",
+}
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ def change(rows: TableRows, reference: TableRows) -> SpacingChange:
 
 
 def bundled(spacing: str) -> TableRows:
-    """Return the bundled runs at a spacing: 6 mm, 8 mm (the lift table) or 12 mm (preset ``smoke``).
+    """Return the bundled runs at 4 mm (preset ``fine``), 6 mm, 8 mm (the lift table) or 12 mm (``smoke``).
 
     Raises
     ------

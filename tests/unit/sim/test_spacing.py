@@ -33,7 +33,7 @@ def test_spacings_without_shared_points_are_refused():
 
 
 def test_a_spacing_that_is_not_bundled_is_refused():
-    with pytest.raises(InputError, match="'2 mm' has no bundled runs; allowed: 6 mm, 8 mm, 12 mm"):
+    with pytest.raises(InputError, match="'2 mm' has no bundled runs; allowed: 4 mm, 6 mm, 8 mm, 12 mm"):
         bundled("2 mm")
 
 
@@ -48,8 +48,17 @@ def test_smaller_particles_change_less():
     assert finer < coarser
 
 
-def test_the_runs_at_12_mm_are_those_of_the_preset():
-    with (resources.files("cwmav_sim") / "data" / "lift_12mm.csv").open(encoding="utf-8") as file:
+def test_fast_wings_gain_at_the_papers_spacing():
+    fine, reference = bundled("4 mm"), bundled("8 mm")
+    fast = fine.points[:, 0] > 19.0
+    found = change(replace(fine, points=fine.points[fast], lift=fine.lift[fast]), reference)
+    assert found.points > 5
+    assert found.mean - 2.0 * found.std > 0.0
+
+
+@pytest.mark.parametrize("file", ["lift_12mm.csv", "lift_4mm.csv"])
+def test_the_runs_are_those_of_their_presets(file):
+    with (resources.files("cwmav_sim") / "data" / file).open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             point = float(row["F_hz"]), float(row["AoA_deg"]), float(row["U_m_s"])
             assert cases.preset(row["preset"]).at(*point).address(row["solver"]) == row["address"]
