@@ -182,6 +182,12 @@ def reproduce(
         list[str] | None,
         typer.Option("--set", help="Change a setting of those runs, e.g. --set wing.model=lattice."),
     ] = None,
+    incidence_offset: Annotated[
+        float,
+        typer.Option(
+            min=-15.0, max=15.0, help="Added to every angle of attack of table 3 [deg], one for all rows."
+        ),
+    ] = 0.0,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs that the counts are taken over.")] = 30,
     keep: Annotated[
@@ -198,10 +204,12 @@ def reproduce(
         raise InputError("--cases and --simulate exclude each other: lifts are read or run")
     if assignments and simulate is None:
         raise InputError("--set changes the runs of --simulate; add --simulate DIR")
-    runs = None if simulate is None else Runs(simulate, preset, tuple(assignments or ()))
+    runs = None if simulate is None else Runs(simulate, preset, tuple(assignments or ()), incidence_offset)
     if runs is not None:
         cases = simulate_rows(names, runs, lambda k, n, what: message(f"{k}/{n}  {what}"))
-    found = report.reproduce(names, cases, seed, seeds, keep)
+    if incidence_offset and "table3" not in names:
+        raise InputError("--incidence-offset changes the angles of table 3; allowed with: table3, all")
+    found = report.reproduce(names, cases, seed, seeds, keep, incidence_offset)
     if runs is not None:
         found["runs"] = runs.describe()
     emit(found, as_json, report.lines(found))

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cwmav_common.errors import InputError
+from cwmav_rbdo.reproduction.incidence import offset_for
 from cwmav_rbdo.reproduction.tables import NAMES, paper_table
 
 _NEEDED = ("F_hz", "U_m_s", "AoA_deg", "mean_lift_n")
@@ -61,17 +64,35 @@ def read_cases(path: Path) -> list[Case]:
         raise InputError(f"{path}: cannot be read ({error})") from None
 
 
-def reproduce_table3(cases: Sequence[Case] | None) -> dict[str, Any]:
-    """Table 3: experiment, the paper's simulation, ours."""
+def reproduce_table3(cases: Sequence[Case] | None, incidence_offset_deg: float = 0.0) -> dict[str, Any]:
+    """Table 3: experiment, the paper's simulation, ours.
+
+    Parameters
+    ----------
+    cases : sequence of Case, optional
+        Runs; without any the bundled lift table answers.
+    incidence_offset_deg : float
+        Added to every printed angle of attack before ours is looked up.
+    """
     rows = []
     for printed in paper_table(NAMES["table3"]):
-        ours = _find(cases, printed) if cases is not None else _from_bundled(printed)
+        at = printed | {"AoA_deg": round(printed["AoA_deg"] + incidence_offset_deg, 6)}
+        ours = _find(cases, at) if cases is not None else _from_bundled(at)
         rows.append(_row(printed, ours, printed["lift_experiment_n"]))
+    found = _incidence(cases)
     return {
         "table": "table3",
         "rows": rows,
-        "settings": {"source": _source(cases)},
-        "decisions": [*_COMMON, "differences are to the experiment"],
+        "settings": {
+            "source": _source(cases),
+            "incidence_offset_deg": incidence_offset_deg,
+            "incidence_offset_found_deg": found,
+        },
+        "decisions": [
+            *_COMMON,
+            _say_incidence(incidence_offset_deg, found),
+            "differences are to the experiment",
+        ],
     }
 
 
@@ -123,10 +144,37 @@ def _row(printed: dict[str, Any], ours: Case | None, reference: float) -> dict[s
     return row
 
 
+def _incidence(cases: Sequence[Case] | None) -> float | None:
+    """Return the incidence offset [deg] that gives the lift measured at zero angle, if these runs tell it."""
+    printed = next(row for row in paper_table(NAMES["table3"]) if row["AoA_deg"] == 0.0)
+    if cases is None:
+        runs = [_from_bundled(printed | {"AoA_deg": a}) for a in np.linspace(-10.0, 30.0, 41)]
+    else:
+        same = [c for c in cases if all(_agrees(c, printed, key) for key in ("F_hz", "U_m_s"))]
+        finest = {c.AoA_deg: c for c in sorted(same, key=lambda c: c.dp, reverse=True)}
+        runs = list(finest.values())
+    return offset_for([c.AoA_deg for c in runs], [c.lift for c in runs], printed["lift_experiment_n"])
+
+
+def _say_incidence(used: float, found: float | None) -> str:
+    said = (
+        f"one constant for all rows: {used:g} deg added to every angle of attack"
+        if used
+        else "nothing is fitted"
+    )
+    if found is not None:
+        said += f"; the lift measured at zero angle is ours at {found:.1f} deg"
+    return said
+
+
 def _find(cases: Sequence[Case], printed: dict[str, Any]) -> Case | None:
     """Give the finest run at the printed point."""
-    at = [c for c in cases if all(abs(getattr(c, key) - printed[key]) <= tol for key, tol in _SAME.items())]
+    at = [c for c in cases if all(_agrees(c, printed, key) for key in _SAME)]
     return min(at, key=lambda c: c.dp) if at else None
+
+
+def _agrees(case: Case, printed: dict[str, Any], key: str) -> bool:
+    return bool(abs(getattr(case, key) - printed[key]) <= _SAME[key])
 
 
 def _from_bundled(printed: dict[str, Any]) -> Case:

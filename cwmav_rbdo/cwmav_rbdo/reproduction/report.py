@@ -32,11 +32,17 @@ def chosen(name: str) -> list[str]:
 
 
 def reproduce(
-    names: Sequence[str], cases: Path | None, seed: int, seeds: int, folder: Path | None = None
+    names: Sequence[str],
+    cases: Path | None,
+    seed: int,
+    seeds: int,
+    folder: Path | None = None,
+    incidence_offset_deg: float = 0.0,
 ) -> dict[str, Any]:
     """Reproduce tables; for several of them the result holds a list under ``tables``.
 
-    The runs of tables 5 to 7 are kept in the folder and read from there.
+    The runs of tables 5 to 7 are kept in the folder and read from there. The incidence offset is added to
+    the angles of table 3 before our lifts are looked up.
 
     A table of lifts for which there is nothing to compare is an error when asked for alone, and noted among
     several.
@@ -46,7 +52,10 @@ def reproduce(
     with progress(sum(seeds * _RUNS.get(name, 0) for name in names), "reproduce", "run") as bar:
         for name in names:
             try:
-                found.append(_one(name, lifts, seed, seeds, bar.update, folder))
+                if name == "table3":
+                    found.append(reproduce_table3(lifts, incidence_offset_deg))
+                else:
+                    found.append(_one(name, lifts, seed, seeds, bar.update, folder))
             except InputError as error:
                 if len(names) == 1:
                     raise
@@ -87,8 +96,6 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
 def _one(name: str, lifts: Any, seed: int, seeds: int, on_run: Any, folder: Path | None) -> dict[str, Any]:
     if name == "table1":
         return reproduce_table1(lifts)
-    if name == "table3":
-        return reproduce_table3(lifts)
     if name == "table7":
         return reproduce_comparison(seed, seeds, lambda: on_run(1), folder)
     return reproduce_history(name, seed, seeds, lambda: on_run(1), folder)

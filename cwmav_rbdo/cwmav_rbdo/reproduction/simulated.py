@@ -15,15 +15,30 @@ _LIFTS = ("table1", "table3")
 
 @dataclass(frozen=True)
 class Runs:
-    """How to simulate the rows: folder of the results, preset and settings ``key=value`` that change it."""
+    """How to simulate the rows.
+
+    Attributes
+    ----------
+    folder : Path
+        Where results are kept.
+    preset : str
+        Preset of the runs.
+    assignments : tuple of str
+        Settings ``key=value`` that change it.
+    incidence_offset_deg : float
+        Added to every printed angle of attack of table 3.
+    """
 
     folder: Path
     preset: str = "coarse"
     assignments: tuple[str, ...] = ()
+    incidence_offset_deg: float = 0.0
 
     def describe(self) -> str:
         """Say the settings in one line."""
-        return ", ".join([f"preset {self.preset}", *self.assignments])
+        offset = self.incidence_offset_deg
+        said = [f"incidence offset {offset:g} deg"] if offset else []
+        return ", ".join([f"preset {self.preset}", *self.assignments, *said])
 
 
 def simulate_rows(names: Sequence[str], runs: Runs, on_case: Callable[[int, int, str], None]) -> Path:
@@ -52,7 +67,7 @@ def simulate_rows(names: Sequence[str], runs: Runs, on_case: Callable[[int, int,
     from cwmav_sim.runners import InProcess
     from cwmav_sim.store import ResultStore
 
-    points = _points(names)
+    points = _points(names, runs.incidence_offset_deg)
     base = cases.with_overrides(cases.preset(runs.preset), runs.assignments)
     wanted = sweep.cases_of(base, points)
     runs.folder.mkdir(parents=True, exist_ok=True)
@@ -77,8 +92,13 @@ def simulate_rows(names: Sequence[str], runs: Runs, on_case: Callable[[int, int,
     return path
 
 
-def _points(names: Sequence[str]) -> list[tuple[float, float, float]]:
-    rows = [row for name in names if name in _LIFTS for row in paper_table(NAMES[name])]
+def _points(names: Sequence[str], offset_deg: float) -> list[tuple[float, float, float]]:
+    rows = [
+        row | {"AoA_deg": round(row["AoA_deg"] + (offset_deg if name == "table3" else 0.0), 6)}
+        for name in names
+        if name in _LIFTS
+        for row in paper_table(NAMES[name])
+    ]
     if not rows:
         raise InputError(f"--simulate is for tables of lifts; allowed: {', '.join(_LIFTS)}, all")
     return list(dict.fromkeys((row["F_hz"], row["AoA_deg"], row["U_m_s"]) for row in rows))

@@ -61,6 +61,22 @@ def test_rows_are_run_with_the_settings_asked_for_and_kept(call, runs, tmp_path)
     assert "runs at the rows: preset smoke, wing.model=lattice" in out
 
 
+def test_an_incidence_offset_shifts_every_angle_that_is_run_and_compared(call, runs, tmp_path):
+    arguments = ["table3", "--simulate", str(tmp_path), "--preset", "smoke", "--json"]
+    _, out, _ = call(*arguments)
+    found = json.loads(out)["settings"]["incidence_offset_found_deg"]
+    assert found == pytest.approx(4.18)  # the runs lift 0.01 N a degree, the rig 0.0418 N at zero angle
+    before = len(runs)
+    _, out, _ = call(*arguments, "--incidence-offset", "4.2")
+    table = json.loads(out)
+    assert {round(case.angle_of_attack_deg, 6) for case in runs[before:]} == {-5.8, 4.2, 19.2, 34.2}
+    row = next(r for r in table["rows"] if r["paper"]["AoA_deg"] == 0.0)
+    assert row["ours"]["lift_n"] == pytest.approx(0.042)
+    assert table["settings"]["incidence_offset_deg"] == 4.2
+    assert table["runs"] == "preset smoke, incidence offset 4.2 deg"
+    assert any("4.2 deg added to every angle" in decision for decision in table["decisions"])
+
+
 def test_table_1_takes_the_runs_of_its_spacing(call, runs, tmp_path):
     status, out, _ = call("table1", "--simulate", str(tmp_path), "--preset", "coarse", "--json")
     rows = json.loads(out)["rows"]
@@ -76,6 +92,7 @@ def test_table_1_takes_the_runs_of_its_spacing(call, runs, tmp_path):
         (["table3", "--simulate", "{tmp}", "--set", "wing.model=rubber"], "prescribed, membrane, lattice"),
         (["table3", "--simulate", "{tmp}", "--preset", "finest"], "smoke, coarse, fine, default, paper"),
         (["table5", "--simulate", "{tmp}"], "tables of lifts"),
+        (["table1", "--incidence-offset", "3"], "allowed with: table3, all"),
     ],
 )
 def test_bad_usage_is_refused(call, runs, tmp_path, arguments, message):
