@@ -148,6 +148,10 @@ def sum_wall(a, side, buf, area, first, n, k, reaction):
     u, v, w = buf[EVX][first:end], buf[EVY][first:end], buf[EVZ][first:end]
     normal_x, normal_y, normal_z = buf[NX][first:end], buf[NY][first:end], buf[NZ][first:end]
     acceleration, area = buf[NORMAL_ACCELERATION][first:end], area[first:end]
+    if reaction is not None:
+        # As slices, because indices that may be negative keep the loop from using vectors.
+        reaction_x, reaction_y = reaction[0][first:end], reaction[1][first:end]
+        reaction_z, carried = reaction[2][first:end], reaction[3][first:end]
     px = py = pz = fx = fy = fz = div = sx = sy = sz = pp = pf = zero
     for j in range(n):
         dx, dy, dz = xa - x[j], ya - y[j], za - z[j]
@@ -185,8 +189,8 @@ def sum_wall(a, side, buf, area, first, n, k, reaction):
         sy += omega * g0 * ey
         sz += omega * g0 * ez
         if reaction is not None:
-            reaction[0, first + j] -= force * ex + drag * du
-            reaction[1, first + j] -= force * ey + drag * dv
-            reaction[2, first + j] -= force * ez + drag * dw
-            reaction[3, first + j] -= omega * ne * ne * g1
+            reaction_x[j] -= force * ex + drag * du
+            reaction_y[j] -= force * ey + drag * dv
+            reaction_z[j] -= force * ez + drag * dw
+            carried[j] -= omega * ne * ne * g1
     return px, py, pz, fx, fy, fz, div, sx, sy, sz, pp, pf

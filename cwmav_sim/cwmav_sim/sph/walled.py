@@ -22,6 +22,7 @@ from cwmav_sim.sph.gather import (
     ANY_IMAGE,
     FIRST,
     LAST,
+    PADDING,
     REACH,
     SLABS,
     aligned_rows,
@@ -82,11 +83,11 @@ def _return_reactions(buf, begin, start, integers, place, image, mass, runs, out
         count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
         for run in range(count):
             first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
-            for j in range(length):
-                out[0, first + j] += mass * buf[0, m + j]
-                out[1, first + j] += image * mass * buf[1, m + j]
-                out[2, first + j] += mass * buf[2, m + j]
-                out[3, first + j] += mass * buf[3, m + j]
+            for q in range(REACTION_SIZE):
+                factor = image * mass if q == 1 else mass
+                source, target = buf[q][m : m + length], out[q][first : first + length]
+                for j in range(length):
+                    target[j] += factor * source[j]
             m += length
 
 
@@ -190,7 +191,7 @@ def walled_pass(
                     if not around[channel]:
                         continue
                     if reactions is not None:
-                        reaction[channel, :, :] = 0.0
+                        reaction[channel, :, : wall_begin[channel, slabs] + PADDING] = 0.0
                     _gather_element_sides(
                         element_signed,
                         element_inside,
