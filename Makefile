@@ -80,10 +80,10 @@ demo: setup
 	@$(BIN)/python -m cwmav_rbdo.demo $(if $(LIVE),--live)
 
 test: setup
-	@$(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
 
 test-slow: setup
-	@$(BIN)/python -m pytest -n $(JOBS) -m slow $(PYTEST_ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m slow $(PYTEST_ARGS)
 
 test-colcon: setup
 	@$(PIP_INSTALL)

@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cwmav_common.errors import InputError
+from cwmav_sim.sph.placing import place_elements, triangle_areas
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -227,25 +228,22 @@ class SheetQuadrature:
 
     def place(self, nodes: Nodes) -> Elements:
         """Return the elements for a state of the nodes."""
-        corners = self._triangles[self._triangle]
-        e1, e2 = _edges(nodes.x, self._triangles)
-        vector_area = 0.5 * np.cross(e1, e2)
-        area = np.linalg.norm(vector_area, axis=1)
-        node_normal = np.zeros_like(nodes.x)
-        for k in range(3):
-            np.add.at(node_normal, self._triangles[:, k], vector_area)
-        x, v, a, normal = (
-            np.einsum("ek,ekj->ej", self._barycentric, values[corners])
-            for values in (nodes.x, nodes.v, nodes.a, node_normal)
+        x, v, a = (np.ascontiguousarray(values, np.float64) for values in (nodes.x, nodes.v, nodes.a))
+        area, around = triangle_areas(x, self._triangles)
+        placed = place_elements(
+            x,
+            v,
+            a,
+            around,
+            area,
+            self._triangles,
+            self._triangle,
+            self._barycentric,
+            self._inward,
+            self._share,
+            self._dimensions == 2,
         )
-        inward = self._inward[:, 0, None] * e1[self._triangle] + self._inward[:, 1, None] * e2[self._triangle]
-        if self._dimensions == 2:
-            for values in (x, v, a, normal, inward):
-                values[:, 1] = 0.0
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
-        inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-30)[:, None]
-        along = np.einsum("ej,ej->e", a, normal)
-        return Elements(x, v, normal, inward, along, area[self._triangle] * self._share)
+        return Elements(*placed)
 
 
 def _edges(x: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -175,21 +175,28 @@ def _pack(
     grid: Grid,
     dtype: np.dtype,
 ) -> PackedPoints:
-    rows, column, start, number = [], [], [], []
-    offset = 0
+    count = len(panel)
+    height = 3 + sum(value.size // count for value in values)
+    packed, column = np.empty((height, count), dtype), np.empty(count, dtype)
+    start, number = np.empty((panels, grid.cells + 1), np.int64), np.empty(count, np.int64)
+    first = 0
     for p in range(panels):
         mine = np.flatnonzero(panel == p)
         points = np.ascontiguousarray(x[mine])
         grid.wrap(points)
         sorting = sort_into_cells(points, grid)
         order = mine[sorting.order]
-        rows.append(np.vstack([sorting.local.T, *(np.atleast_2d(value[order].T) for value in values)]))
-        column.append(sorting.column)
-        start.append(sorting.start + offset)
-        number.append(order)
-        offset += len(mine)
-    packed = np.ascontiguousarray(np.hstack(rows), dtype=dtype)
-    return PackedPoints(packed, np.concatenate(column).astype(dtype), np.array(start), np.concatenate(number))
+        last = first + len(mine)
+        column[first:last] = sorting.column
+        np.add(sorting.start, first, out=start[p])
+        number[first:last] = order
+        row = 0
+        for value in (sorting.local, *(value[order] for value in values)):
+            flat = value.reshape(len(mine), -1)
+            packed[row : row + flat.shape[1], first:last] = flat.T
+            row += flat.shape[1]
+        first = last
+    return PackedPoints(packed, column, start, number)
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
