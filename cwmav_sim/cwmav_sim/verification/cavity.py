@@ -86,12 +86,12 @@ class LidDrivenCavity:
         "with 50 per side at Re 100 the speed is 2 % low close under the lid, the smallest v 5, the "
         "smallest u 7.5 and the largest v 8.6 % low. It is not unsteadiness (a finite-difference solution "
         "is within 0.3 % of steady then), nor viscosity as such (that of Re 87 would take 1.5 % off u and "
-        "largest v). Speed of sound, time step, shifting, finer wall elements, less diffusion of density "
-        "and a pressure gradient carried into the wall change nothing; h = 2 dp instead of 1.5 gives 5.5 % "
-        "instead of 7.5, no keep-out distance 6.7, a background pressure of 1 or 3 rho U2 8.3 and 11.6. "
-        "Where the volume of the air is not held, the mean pressure rises by 2.3 rho U2 and the smallest u "
-        "is 10 % low with 50 per side, but 4.5 % with 100, where holding it gives 6.4 %: the cause is not "
-        "found."
+        "largest v; at Re 400 and 1000 the errors are the same 4 to 8 %). Speed of sound, time step, "
+        "shifting, finer wall elements, less diffusion of density and a pressure gradient carried into the "
+        "wall change nothing; h = 2 dp instead of 1.5 gives 5.5 % instead of 7.5, no keep-out distance 6.7,"
+        " a background pressure of 1 or 3 rho U2 8.3 and 11.6. Where the volume of the air is not held, the"
+        " mean pressure rises by 2.3 rho U2 and the smallest u is 10 % low with 50 per side, but 4.5 % with"
+        " 100, where holding it gives 6.4 %: the cause is not found."
     )
 
     @property
