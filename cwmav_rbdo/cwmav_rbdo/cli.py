@@ -204,11 +204,11 @@ def reproduce(
         raise InputError("--cases and --simulate exclude each other: lifts are read or run")
     if assignments and simulate is None:
         raise InputError("--set changes the runs of --simulate; add --simulate DIR")
+    if incidence_offset and "table3" not in names:
+        raise InputError("--incidence-offset changes the angles of table 3; allowed with: table3, all")
     runs = None if simulate is None else Runs(simulate, preset, tuple(assignments or ()), incidence_offset)
     if runs is not None:
         cases = simulate_rows(names, runs, lambda k, n, what: message(f"{k}/{n}  {what}"))
-    if incidence_offset and "table3" not in names:
-        raise InputError("--incidence-offset changes the angles of table 3; allowed with: table3, all")
     found = report.reproduce(names, cases, seed, seeds, keep, incidence_offset)
     if runs is not None:
         found["runs"] = runs.describe()

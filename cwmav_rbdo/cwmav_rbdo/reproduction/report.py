@@ -52,10 +52,7 @@ def reproduce(
     with progress(sum(seeds * _RUNS.get(name, 0) for name in names), "reproduce", "run") as bar:
         for name in names:
             try:
-                if name == "table3":
-                    found.append(reproduce_table3(lifts, incidence_offset_deg))
-                else:
-                    found.append(_one(name, lifts, seed, seeds, bar.update, folder))
+                found.append(_one(name, lifts, incidence_offset_deg, seed, seeds, bar.update, folder))
             except InputError as error:
                 if len(names) == 1:
                     raise
@@ -93,9 +90,19 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
         yield from (f"  - {decision}" for decision in table["decisions"])
 
 
-def _one(name: str, lifts: Any, seed: int, seeds: int, on_run: Any, folder: Path | None) -> dict[str, Any]:
+def _one(
+    name: str,
+    lifts: Any,
+    incidence_offset_deg: float,
+    seed: int,
+    seeds: int,
+    on_run: Any,
+    folder: Path | None,
+) -> dict[str, Any]:
     if name == "table1":
         return reproduce_table1(lifts)
+    if name == "table3":
+        return reproduce_table3(lifts, incidence_offset_deg)
     if name == "table7":
         return reproduce_comparison(seed, seeds, lambda: on_run(1), folder)
     return reproduce_history(name, seed, seeds, lambda: on_run(1), folder)

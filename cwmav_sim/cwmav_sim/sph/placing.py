@@ -12,7 +12,7 @@ import math
 import numba as nb
 import numpy as np
 
-LEAST = 1e-30  # length below which an inward direction is left as it is
+_LEAST = 1e-30  # length below which an inward direction is left as it is
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -52,7 +52,7 @@ def triangle_areas(x, triangles):
 
 @nb.njit(cache=True, error_model="numpy")
 def place_elements(x, v, a, around, area, triangles, of, barycentric, inward_in, share, flat):
-    """Return position, velocity, normal, inward direction, normal acceleration and area of all elements.
+    """Bring all elements to a state of the nodes.
 
     Parameters
     ----------
@@ -72,6 +72,13 @@ def place_elements(x, v, a, around, area, triangles, of, barycentric, inward_in,
         Share of the area of the triangle.
     flat : bool
         Whether everything lies in the plane y = 0.
+
+    Returns
+    -------
+    position, velocity, normal, inward : ndarray, shape (m, 3)
+        Position [m], velocity [m/s], unit normal, in-plane unit vector away from the nearest edge.
+    along, area : ndarray, shape (m,)
+        Acceleration along the normal [m/s2] and area [m2].
     """
     count = of.shape[0]
     position, velocity = np.empty((count, 3)), np.empty((count, 3))
@@ -91,7 +98,7 @@ def place_elements(x, v, a, around, area, triangles, of, barycentric, inward_in,
         if flat:
             position[e, 1] = velocity[e, 1] = acceleration[1] = normal[e, 1] = inward[e, 1] = 0.0
         length = _length(normal[e])
-        least = max(_length(inward[e]), LEAST)
+        least = max(_length(inward[e]), _LEAST)
         for q in range(3):
             normal[e, q] /= length
             inward[e, q] /= least

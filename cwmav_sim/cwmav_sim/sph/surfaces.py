@@ -192,9 +192,9 @@ def _pack(
         number[first:last] = order
         row = 0
         for value in (sorting.local, *(value[order] for value in values)):
-            flat = value.reshape(len(mine), -1)
-            packed[row : row + flat.shape[1], first:last] = flat.T
-            row += flat.shape[1]
+            columns = value if value.ndim == 2 else value[:, None]
+            packed[row : row + columns.shape[1], first:last] = columns.T
+            row += columns.shape[1]
         first = last
     return PackedPoints(packed, column, start, number)
 

@@ -93,6 +93,7 @@ def test_table_1_takes_the_runs_of_its_spacing(call, runs, tmp_path):
         (["table3", "--simulate", "{tmp}", "--preset", "finest"], "smoke, coarse, fine, default, paper"),
         (["table5", "--simulate", "{tmp}"], "tables of lifts"),
         (["table1", "--incidence-offset", "3"], "allowed with: table3, all"),
+        (["table1", "--simulate", "{tmp}", "--incidence-offset", "3"], "allowed with: table3, all"),
     ],
 )
 def test_bad_usage_is_refused(call, runs, tmp_path, arguments, message):

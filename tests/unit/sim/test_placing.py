@@ -2,13 +2,16 @@
 """Wall elements on bent sheets against the same formulas written with arrays."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from cwmav_sim import case as cases
+from cwmav_sim.sph.cells import make_grid, sort_into_cells
 from cwmav_sim.sph.sheet import SheetQuadrature
+from cwmav_sim.sph.surfaces import locate_surfaces
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +88,26 @@ def test_in_two_dimensions_everything_lies_in_the_plane(motion, bent):
     for values in (placed.x, placed.v, placed.normal, placed.inward):
         assert not values[:, 1].any()
     assert_allclose(np.linalg.norm(placed.normal, axis=1), 1.0, atol=1e-12)
+
+
+def test_a_panel_of_which_the_set_back_leaves_nothing_is_out_of_reach():
+    """Two panels, one of them narrower than twice the set-back."""
+    wide = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.1, 0.1, 0.0]])
+    narrow = np.array([[0.0, 0.0, 0.05], [0.004, 0.0, 0.05], [0.0, 0.004, 0.05], [0.004, 0.004, 0.05]])
+    nodes = SimpleNamespace(x=np.concatenate([wide, narrow]), v=np.zeros((8, 3)), a=np.zeros((8, 3)))
+    triangles = np.array([[0, 1, 2], [1, 3, 2], [4, 5, 6], [5, 7, 6]])
+    two = SimpleNamespace(
+        triangles=triangles,
+        panel=np.array([0, 0, 1, 1]),
+        panel_names=("wide", "narrow"),
+        state=lambda _: nodes,
+    )
+    q = SheetQuadrature(two, spacing=0.004, probe_spacing=0.006, set_back=0.01, dimensions=3, mirrored=False)
+    assert set(q.panel) == {0}
+    grid = make_grid(np.full(3, -0.1), np.full(3, 0.3), 0.018, mirrored=False, dimensions=3)
+    sorting = sort_into_cells(np.array([[0.05, 0.05, 0.01], [0.002, 0.002, 0.051]]), grid)
+    fluid = np.ascontiguousarray(sorting.local.T)
+    found = locate_surfaces(q, q.place(nodes), grid, fluid, sorting.column.astype(float), sorting.start)
+    own = found.particle_sides.in_storage_order(2, sorting.order)
+    assert own.signed[0, 0] == pytest.approx(0.01)
+    assert not own.signed[1].any()

@@ -56,9 +56,9 @@ def test_fast_wings_gain_at_the_papers_spacing():
     assert found.mean - 2.0 * found.std > 0.0
 
 
-@pytest.mark.parametrize("file", ["lift_12mm.csv", "lift_4mm.csv"])
-def test_the_runs_are_those_of_their_presets(file):
-    with (resources.files("cwmav_sim") / "data" / file).open(encoding="utf-8") as file:
+@pytest.mark.parametrize("name", ["lift_12mm.csv", "lift_4mm.csv"])
+def test_the_runs_are_those_of_their_presets(name):
+    with (resources.files("cwmav_sim") / "data" / name).open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             point = float(row["F_hz"]), float(row["AoA_deg"]), float(row["U_m_s"])
             assert cases.preset(row["preset"]).at(*point).address(row["solver"]) == row["address"]
