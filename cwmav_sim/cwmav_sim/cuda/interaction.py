@@ -18,6 +18,7 @@ from cwmav_sim.cuda.scan import reduce_blocks
 from cwmav_sim.cuda.state import CardParticles
 from cwmav_sim.cuda.vector import MOVE_SIZE, PLACE_SIZE, STATE_SIZE
 from cwmav_sim.cuda.walled import WALL_BLOCKS, wall_pass
+from cwmav_sim.sph.around import REACTION_SIZE
 from cwmav_sim.sph.cells import Grid
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.forces import LOAD_SIZE
@@ -25,7 +26,6 @@ from cwmav_sim.sph.interaction import Interaction
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.timers import Timers
-from cwmav_sim.sph.walled import REACTION_SIZE
 
 
 class CardInteraction:

@@ -7,7 +7,7 @@ import math
 
 from numba import cuda
 
-from cwmav_sim.sph.pair import ETA2, FOUR, HALF_OVER_H, ONE, TENSILE, TWICE_RHO0, TWO, W_RATIO, ZERO
+from cwmav_sim.sph.pair import CLUMPING, ETA2, FOUR, HALF_OVER_H, ONE, TWICE_RHO0, TWO, ZERO
 
 SUMS = 11
 
@@ -33,7 +33,7 @@ def add_pair(sums, apart, a, b, k, shifting):
         Velocity of the particle (3) [m/s], density above rest [kg/m3], pressure [Pa].
     b : tuple of 6 floats
         The same of the neighbour, and its volume [m3], zero where it is hidden by a wall.
-    k : tuple of 9 floats
+    k : tuple of 8 floats
         Pair constants.
     shifting : bool
         Whether the shifting sum is wanted.
@@ -59,10 +59,10 @@ def add_pair(sums, apart, a, b, k, shifting):
     fy += c * dv
     fz += c * dw
     if shifting:
-        w4 = t * t
-        w4 = w4 * w4 * (k[FOUR] * (one - t) + one) * k[W_RATIO]
-        w4 = w4 * w4
-        c = f * (one + k[TENSILE] * w4 * w4)
+        clump = t * t
+        clump = clump * clump * (k[FOUR] * (one - t) + one) * k[CLUMPING]
+        clump = clump * clump
+        c = f + f * (clump * clump)
         sx += c * dx
         sy += c * dy
         sz += c * dz

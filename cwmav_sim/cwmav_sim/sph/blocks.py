@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Copies of sixteen neighbouring entries at once.
+"""Operations on a few neighbouring entries at once, spelled out as vector instructions.
 
 The runs of memory a buffer is filled from are shorter than an unrolled vector loop, so the compiler leaves
-their copying to its scalar remainder. These two operations are spelled out as vector instructions instead.
+their copying to its scalar remainder; and no loop it knows keeps some entries and drops the others. A *block*
+is what one copy takes, *lanes* are what fits into 32 bytes: eight entries in single precision, four in
+double.
 """
 
 from __future__ import annotations
@@ -10,11 +12,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import llvmlite.binding as llvm
+import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, config, types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 BLOCK = 16  # entries
+LANE_BYTES = 32
+_PLACES = 8  # of 4 bytes, among which lanes are put in order
+
+_I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+_FUSED = ("contract",)
 
 
 @intrinsic
@@ -36,8 +46,8 @@ def scaled_block(
         to, to_row, to_first, of, of_row, of_first, scale, offset = args
         destination = _address(context, builder, signature.args[0], to, (to_row, to_first))
         origin = _address(context, builder, signature.args[3], of, (of_row, of_first))
-        product = builder.fmul(_load(builder, origin), _splat(builder, scale))
-        _store(builder, builder.fadd(product, _splat(builder, offset)), destination)
+        product = builder.fmul(_load(builder, origin, BLOCK), _splat(builder, scale, BLOCK))
+        _store(builder, builder.fadd(product, _splat(builder, offset, BLOCK)), destination)
         return context.get_dummy_value()
 
     return signature, generate
@@ -54,11 +64,128 @@ def add_block(
         to, to_row, to_first, of, of_first, scale = args
         destination = _address(context, builder, signature.args[0], to, (to_row, to_first))
         origin = _address(context, builder, signature.args[3], of, (of_first,))
-        product = builder.fmul(_load(builder, origin), _splat(builder, scale))
-        _store(builder, builder.fadd(_load(builder, destination), product), destination)
+        product = builder.fmul(_load(builder, origin, BLOCK), _splat(builder, scale, BLOCK))
+        _store(builder, builder.fadd(_load(builder, destination, BLOCK), product), destination)
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def lanes(dtype: np.dtype) -> int:
+    """Return how many entries are looked at at once."""
+    return LANE_BYTES // dtype.itemsize
+
+
+def lane_orders(dtype: np.dtype) -> NDArray[np.uint64]:
+    """Return, for every set of marked lanes, the order that brings these to the front.
+
+    An order is eight bytes, each the place that a group of four bytes comes from; shape (2**lanes,).
+    """
+    count = lanes(dtype)
+    groups = _PLACES // count
+    orders = np.empty((2**count, _PLACES), np.uint8)
+    for bits in range(2**count):
+        marked = [lane for lane in range(count) if bits >> lane & 1]
+        others = [lane for lane in range(count) if not bits >> lane & 1]
+        orders[bits] = [groups * lane + part for lane in marked + others for part in range(groups)]
+    return orders.view(np.uint64)[:, 0]
+
+
+@intrinsic
+def lanes_within(
+    typingctx: Any, source: Any, first: Any, centre: Any, half: Any, reach2: Any
+) -> tuple[Any, Callable]:
+    """Return the set of lanes from ``first`` on whose points lie within reach of a box, as bits.
+
+    Rows 0 to 2 of ``source`` are positions; ``centre`` and ``half`` are the middle and half the extent of the
+    box, ``reach2`` is the square of the reach. No bounds are checked.
+    """
+    signature = types.uint64(source, first, centre, half, reach2)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        of, of_first, middle, extent, limit = args
+        total = None
+        for axis in range(3):
+            index = (ir.Constant(_I64, axis), of_first)
+            origin = _address(context, builder, signature.args[0], of, index)
+            width = _PLACES // (2 if isinstance(origin.type.pointee, ir.DoubleType) else 1)
+            centred = builder.fsub(
+                _load(builder, origin, width), _splat(builder, builder.extract_value(middle, axis), width)
+            )
+            beyond = builder.fsub(
+                _absolute(builder, centred), _splat(builder, builder.extract_value(extent, axis), width)
+            )
+            zero = ir.Constant(beyond.type, [0.0] * width)
+            beyond = builder.select(builder.fcmp_ordered(">", beyond, zero), beyond, zero)
+            square = builder.fmul(beyond, beyond, flags=_FUSED)
+            total = square if total is None else builder.fadd(total, square, flags=_FUSED)
+        marks = builder.fcmp_ordered("<", total, _splat(builder, limit, width))
+        return builder.zext(builder.bitcast(marks, ir.IntType(width)), _I64)
+
+    return signature, generate
+
+
+@intrinsic
+def ordered_lanes(
+    typingctx: Any, target: Any, at: Any, source: Any, first: Any, row: Any, order: Any
+) -> tuple[Any, Callable]:
+    """Copy the lanes of ``source[row, first:]`` in an ``order`` to ``target[row, at:]``, unchecked."""
+    signature = types.void(target, at, source, first, row, order)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        to, to_first, of, of_first, row_, places = args
+        destination = _address(context, builder, signature.args[0], to, (row_, to_first))
+        origin = _address(context, builder, signature.args[2], of, (row_, of_first))
+        width = _PLACES // (2 if isinstance(origin.type.pointee, ir.DoubleType) else 1)
+        values = _load(builder, origin, width)
+        groups = builder.bitcast(values, ir.VectorType(ir.FloatType(), _PLACES))
+        order_ = builder.zext(
+            builder.bitcast(places, ir.VectorType(_I8, _PLACES)), ir.VectorType(_I32, _PLACES)
+        )
+        put = _permuted if has_permutation() else _permuted_one_by_one
+        _store(builder, builder.bitcast(put(builder, groups, order_), values.type), destination)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def count_lanes(typingctx: Any, bits: Any) -> tuple[Any, Callable]:
+    """Return the size of a set of lanes."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.call(builder.module.declare_intrinsic("llvm.ctpop", [_I64]), args)
+
+    return types.int64(bits), generate
+
+
+def has_permutation() -> bool:
+    """Return whether kernels are compiled for a processor that puts eight places in order at once."""
+    plain = config.CPU_NAME is None and config.CPU_FEATURES is None
+    return plain and bool(llvm.get_host_cpu_features().get("avx2", False))
+
+
+def _permuted(builder: Any, groups: Any, order: Any) -> Any:
+    kind = ir.FunctionType(groups.type, [groups.type, order.type])
+    return builder.call(
+        cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.avx2.permps"), [groups, order]
+    )
+
+
+def _permuted_one_by_one(builder: Any, groups: Any, order: Any) -> Any:
+    out = ir.Constant(groups.type, ir.Undefined)
+    for place in range(_PLACES):
+        index = ir.Constant(_I32, place)
+        value = builder.extract_element(groups, builder.extract_element(order, index))
+        out = builder.insert_element(out, value, index)
+    return out
+
+
+def _absolute(builder: Any, vector: Any) -> Any:
+    kind = ir.FunctionType(vector.type, [vector.type])
+    bits = 64 if isinstance(vector.type.element, ir.DoubleType) else 32
+    name = f"llvm.fabs.v{vector.type.count}f{bits}"
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), [vector])
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, index: tuple) -> Any:
@@ -71,21 +198,21 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, index: tuple) ->
     return builder.gep(parts.data, [offset])
 
 
-def _load(builder: Any, pointer: Any) -> Any:
-    vector = ir.VectorType(pointer.type.pointee, BLOCK)
-    return builder.load(builder.bitcast(pointer, vector.as_pointer()), align=_width(pointer))
+def _load(builder: Any, pointer: Any, width: int) -> Any:
+    vector = ir.VectorType(pointer.type.pointee, width)
+    return builder.load(builder.bitcast(pointer, vector.as_pointer()), align=_size(pointer))
 
 
 def _store(builder: Any, values: Any, pointer: Any) -> None:
-    builder.store(values, builder.bitcast(pointer, values.type.as_pointer()), align=_width(pointer))
+    builder.store(values, builder.bitcast(pointer, values.type.as_pointer()), align=_size(pointer))
 
 
-def _splat(builder: Any, value: Any) -> Any:
-    vector = ir.VectorType(value.type, BLOCK)
-    single = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    order = ir.Constant(ir.VectorType(ir.IntType(32), BLOCK), [0] * BLOCK)
+def _splat(builder: Any, value: Any, width: int) -> Any:
+    vector = ir.VectorType(value.type, width)
+    single = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(_I32, 0))
+    order = ir.Constant(ir.VectorType(_I32, width), [0] * width)
     return builder.shuffle_vector(single, ir.Constant(vector, ir.Undefined), order)
 
 
-def _width(pointer: Any) -> int:
+def _size(pointer: Any) -> int:
     return 8 if isinstance(pointer.type.pointee, ir.DoubleType) else 4

@@ -11,16 +11,17 @@ import numba as nb
 
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
+    CHUNKS,
     aligned_rows,
+    dealt,
     fill,
+    share,
     slab_space,
     stretch,
-    stretches,
-    window,
 )
-from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, sum_pairs
+from cwmav_sim.sph.nearby import box_around, keep_nearby, nearby_space
+from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, ONE, VOLUME, WORK_ROWS, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
-from cwmav_sim.sph.visibility import CHUNKS
 
 FLUID = 2, 3  # vectors and scalars among the rows of the packed fluid
 
@@ -39,14 +40,29 @@ def read_particle(fluid, offset, i):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def store_rates(sums, scale, density, keep_diffusion, place, acceleration, density_rate, shift):
+def own_factors(scale, density, keep_diffusion, k):
+    """Return the factors of diffusion and viscosity of a particle, in the precision of the pairs ``k``."""
+    rho = scale[RHO0] + density
+    diffusion = scale[DIFFUSION] / rho if keep_diffusion else 0.0
+    return k.dtype.type(diffusion), k.dtype.type(scale[FOUR_NU] * rho)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def store_rates(sums, scale, density, place, acceleration, density_rate, shift):
     """Turn the fluid sums of a particle into rates of change (float64)."""
     rho = scale[RHO0] + density
     slope = scale[SLOPE]
     for q in range(3):
-        acceleration[place, q] = slope * (-sums[2 + q] / rho + scale[FOUR_NU] * sums[5 + q])
-        shift[place, q] = slope * sums[8 + q]
-    density_rate[place] = slope * (rho * sums[0] - (scale[DIFFUSION] * sums[1] if keep_diffusion else 0.0))
+        acceleration[place, q] = -slope / rho * sums[1 + q]
+        shift[place, q] = slope * sums[4 + q]
+    density_rate[place] = slope * rho * sums[0]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def support2(k):
+    """Return the square of the radius of the support [m2], in the precision of the pairs."""
+    radius = k[ONE] / k[HALF_OVER_H]
+    return radius * radius
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -61,6 +77,7 @@ def fluid_pass(
     scale,
     shifting,
     room,
+    orders,
     acceleration,
     density_rate,
     shift,
@@ -79,6 +96,8 @@ def fluid_pass(
         Whether the shifting vector is wanted.
     room : int
         Length of the largest buffer.
+    orders : ndarray
+        From :func:`~cwmav_sim.sph.blocks.lane_orders`.
     acceleration, density_rate, shift : ndarray, shape (n, 3), (n,) and (n, 3), float64
         Filled, under the numbers of the particles; the last is the shifting vector [1/m].
     """
@@ -87,16 +106,26 @@ def fluid_pass(
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin, runs = slab_space()
-        for number in range(chunk, stretches(integers), CHUNKS):
+        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
+        work = aligned_rows(WORK_ROWS, room, fluid)
+        reach2 = support2(k)
+        for turn in range(share(integers)):
+            number = dealt(integers, chunk, turn)
+            if number < 0:
+                continue
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
-                first, n = window(begin, cz - z0)
+                if start[c + 1] == start[c]:
+                    continue
                 offset = cell.dtype.type(cz - centre) * cell[2]
+                box = box_around(fluid, start[c], start[c + 1], offset)
+                n, _ = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
-                    sums = sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
-                    store_rates(sums, scale, a[6], True, order[i], acceleration, density_rate, shift)
+                    own = own_factors(scale, a[6], True, k)
+                    sums = sum_pairs(a, own, nearby, nearby[VOLUME], n, k, shifting, work)
+                    store_rates(sums, scale, a[6], order[i], acceleration, density_rate, shift)
         restore_mode(mode)

@@ -13,13 +13,16 @@ from __future__ import annotations
 
 import numba as nb
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from cwmav_sim.sph.blocks import BLOCK, add_block, scaled_block
 
 REACH = 2
 STRETCH = 16  # cells along z that share a buffer, at most
 SLABS = STRETCH + 2 * REACH
-PADDING = 32  # entries; a multiple of what a vector loop takes at once, and of a block
+CHUNKS = 64  # independent parts of a pass
+HAND = 8  # stretches that a part gets at once
+PADDING = BLOCK  # entries behind the last, which may be looked at together with it
 FAR = 1.0e3  # metres; padding entries lie here, outside every support
 _LINE = 64  # bytes of a cache line
 MOST_RUNS = 40  # of a slab: rows within reach in y, each cut at most a few times by periodic faces
@@ -130,7 +133,7 @@ def gather_rows(packed, column, runs, count, cell, vectors, scalars, buf, m):
 
 @nb.njit(cache=True, error_model="numpy")
 def _pad(buf, used):
-    """Put harmless entries far away behind the ``used`` ones, as many as a window may reach beyond them."""
+    """Put entries far away behind the ``used`` ones."""
     for k in range(buf.shape[0]):
         value = buf.dtype.type(FAR if k == 0 else 0.0)
         for j in range(used, used + PADDING):
@@ -174,18 +177,6 @@ def fill(points, rows, image, integers, cell, place, runs, buf, begin):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def window(begin, cz):
-    """Return first entry and padded length of what surrounds cell ``cz`` of a stretch, counted from 0.
-
-    The first entry is a multiple of a block, so that vector loads do not straddle cache lines. The padding
-    reaches into the slabs before and after or into the filler, all of which lie outside the support.
-    """
-    first = begin[cz] // BLOCK * BLOCK
-    length = begin[cz + 2 * REACH + 1] - first
-    return first, (length + PADDING - 1) // PADDING * PADDING
-
-
-@nb.njit(cache=True, error_model="numpy")
 def aligned_rows(rows, room, like):
     """Return an uninitialised array (rows, room) of the type of ``like``, every row at a cache line.
 
@@ -204,9 +195,20 @@ def slab_space():
 
 
 @nb.njit(cache=True, error_model="numpy")
-def stretches(integers):
-    """Return the number of stretches of the whole grid."""
-    return integers[0] * integers[1] * _parts(integers)
+def share(integers):
+    """Return how many stretches are dealt to a chunk; the last ones may lie beyond the grid."""
+    total = integers[0] * integers[1] * _parts(integers)
+    return -(-total // (CHUNKS * HAND)) * HAND
+
+
+@nb.njit(cache=True, error_model="numpy")
+def dealt(integers, chunk, turn):
+    """Return the number of the stretch that a chunk gets at its turn, or -1 beyond the grid.
+
+    Neighbours are dealt to the same chunk, a handful at a time: they copy much the same points.
+    """
+    number = (turn // HAND * CHUNKS + chunk) * HAND + turn % HAND
+    return number if number < integers[0] * integers[1] * _parts(integers) else -1
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -237,9 +239,21 @@ def any_marked(cells, integers, place):
 def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:
     """Return a buffer length that holds the surroundings of any stretch, padding included.
 
-    It is an odd number of blocks: rows of a power of two would all fall into the same places of the cache.
+    No stretch has more around it than lies in the columns of cells around its own. Room is asked for in
+    every pass, and memory that is never looked at costs time too. The length is an odd number of blocks: rows
+    of a power of two would all fall into the same places of the cache.
+
+    Parameters
+    ----------
+    start : ndarray, shape (cells + 1,) or (sets, cells + 1), int
+        First place of every cell, of one set of points or several.
+    integers : ndarray
+        Grid integers.
     """
-    fullest = int(np.diff(start, axis=-1).max(initial=0))
-    rows = 2 * int(integers[4]) + 1
-    entries = fullest * rows * (2 * REACH + 1) * SLABS + PADDING + BLOCK
+    nx, ny, nz, mirrored, reach_y = (int(value) for value in integers)
+    columns = np.diff(start, axis=-1).reshape(-1, nz, ny, nx).sum(axis=1)
+    columns = np.pad(columns, ((0, 0), (0, 0), (REACH, REACH)), mode="wrap")
+    columns = np.pad(columns, ((0, 0), (reach_y, reach_y), (0, 0)), mode="symmetric" if mirrored else "wrap")
+    around = sliding_window_view(columns, (2 * reach_y + 1, 2 * REACH + 1), axis=(1, 2))
+    entries = int(around.sum(axis=(3, 4)).max(initial=0)) + PADDING + BLOCK
     return (-(-entries // BLOCK) | 1) * BLOCK

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cwmav_sim.sph import forces, walled
+from cwmav_sim.sph.around import REACTION_SIZE
+from cwmav_sim.sph.blocks import lane_orders
 from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
 from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.eos import Tait
-from cwmav_sim.sph.gather import buffer_room
+from cwmav_sim.sph.gather import CHUNKS, buffer_room
 from cwmav_sim.sph.kernel import Kernel
 from cwmav_sim.sph.pair import FLUID_ROWS, pack_fluid, pair_constants
 from cwmav_sim.sph.rates import Rates, as_rates, numbered
@@ -30,7 +32,6 @@ from cwmav_sim.sph.subgrid import add_subgrid_stress
 from cwmav_sim.sph.subgrid import constants as subgrid_constants
 from cwmav_sim.sph.surfaces import Sides, Surfaces, locate_surfaces
 from cwmav_sim.sph.timers import Timers
-from cwmav_sim.sph.visibility import CHUNKS
 from cwmav_sim.sph.wall import wall_constants
 
 FloatArray = NDArray[np.float64]
@@ -74,6 +75,7 @@ class Interaction:
         self._keep_diffusion = fluid.diffusion_near_wall == "keep"
         self._shifting = settings.shifting.coefficient > 0.0
         self.quadrature = None if motion is None else _quadrature(settings, motion, grid)
+        self._orders = lane_orders(self.dtype)
         self._gravity = np.array([0.0, 0.0, -fluid.gravity])
         self.panels = 0 if self.quadrature is None else self.quadrature.panels
         self._weights: sp.csr_matrix | None = None
@@ -210,6 +212,7 @@ class Interaction:
             np.zeros(self._grid.cells, np.bool_) if near is None else near,
             self.panels,
             buffer_room(sorting.start, self._grid.integers),
+            self._orders,
         )
 
     def _unbounded(
@@ -229,6 +232,7 @@ class Interaction:
             self._scale,
             shifting,
             buffer_room(sorting.start, integers),
+            self._orders,
             acceleration,
             density_rate,
             shift,
@@ -271,7 +275,7 @@ class Interaction:
         acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         loads = np.zeros((CHUNKS, self.panels, forces.LOAD_SIZE))
         count = elements.rows.shape[1]
-        parts = np.zeros((CHUNKS, walled.REACTION_SIZE, count)) if reactions else None
+        parts = np.zeros((CHUNKS, REACTION_SIZE, count)) if reactions else None
         scale = self._scale.copy()
         scale[forces.MASS] = particles.mass
         walled.walled_pass(
@@ -286,6 +290,7 @@ class Interaction:
             shifting,
             self._keep_diffusion,
             buffer_room(sorting.start, integers),
+            self._orders,
             sides.signed,
             sides.inside,
             surfaces.near,

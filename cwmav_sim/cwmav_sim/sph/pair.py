@@ -4,10 +4,10 @@
 For a particle a and neighbours b, with r = x_a - x_b, grad W = F r, V_b = m_b / rho_b and
 eta^2 = 0.01 h^2, the sums are
 
-    divergence   sum V_b (v_a - v_b) . grad W
-    diffusion    sum V_b (rho_b - rho_a) r . grad W / (r^2 + eta^2)
-    pressure     sum V_b (p_a + p_b) grad W
-    viscosity    sum m_b (v_a - v_b) r . grad W / [(r^2 + eta^2)(rho_a + rho_b)]
+    continuity   sum V_b (v_a - v_b) . grad W
+                 - (D / rho_a) sum V_b (rho_b - rho_a) r . grad W / (r^2 + eta^2)
+    momentum     sum V_b (p_a + p_b) grad W
+                 - 4 nu rho_a sum m_b (v_a - v_b) r . grad W / [(r^2 + eta^2)(rho_a + rho_b)]
     shifting     sum V_b [1 + k (W / W(dp))^4] grad W
 
 (Monaghan 1994 for pressure and continuity; Fourtakas et al., Comput. Fluids 190 (2019) 346 for the
@@ -27,13 +27,15 @@ X, Y, Z, VX, VY, VZ, DENSITY, PRESSURE, VOLUME = range(9)
 FLUID_ROWS = 9
 
 # Places in the array of pair constants.
-HALF_OVER_H, ETA2, TWICE_RHO0, ONE, TWO, FOUR, ZERO, W_RATIO, TENSILE = range(9)
+HALF_OVER_H, ETA2, TWICE_RHO0, ONE, TWO, FOUR, ZERO, CLUMPING = range(8)
+
+WORK_ROWS = 2  # of the space that sums need, as long as a buffer
 
 
 def pair_constants(
     h: float, rho0: float, spacing_value: float, amplitude: float, tensile: float, dtype: np.dtype
 ) -> NDArray:
-    """Return the constants of the pair sums in the precision of the pairs, shape (9,).
+    """Return the constants of the pair sums in the precision of the pairs, shape (8,).
 
     Parameters
     ----------
@@ -46,7 +48,8 @@ def pair_constants(
     dtype : numpy.dtype
         float32 or float64.
     """
-    values = [0.5 / h, 0.01 * h * h, 2.0 * rho0, 1.0, 2.0, 4.0, 0.0, amplitude / spacing_value, tensile]
+    clumping = amplitude / spacing_value * tensile**0.25  # k (W / W(dp))^4 = (clumping W / A)^4
+    values = [0.5 / h, 0.01 * h * h, 2.0 * rho0, 1.0, 2.0, 4.0, 0.0, clumping]
     return np.array(values, dtype=dtype)
 
 
@@ -79,66 +82,78 @@ def pack_fluid(local, v, rho, pressure, order, mass, rho0, fluid):
 
 # Inlined by force: a call could end in another copy, with sums in another order (docs/decisions/0013).
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def sum_pairs(a, buf, volume, first, n, k, shifting):
-    """Sum the interaction of one particle over ``n`` buffered neighbours.
+def sum_pairs(a, factors, buf, volume, n, k, shifting, work):
+    """Sum the interaction of one particle over the first ``n`` entries of a buffer of neighbours.
 
     Parameters
     ----------
     a : tuple of 8 floats
         x, y, z, vx, vy, vz, density above rest, pressure of the particle.
+    factors : tuple of 2 floats
+        D / rho_a [m5/(kg s)] and 4 nu rho_a [kg/(m s)] of the particle.
     buf : ndarray, shape (9, m)
         Neighbours, rows as in the packed fluid.
     volume : ndarray, shape (m,)
         Volume of each neighbour, zero where hidden by a wall.
-    first, n : int
-        First entry and number of entries to use.
-    k : ndarray, shape (9,)
+    n : int
+        Number of entries to use.
+    k : ndarray, shape (8,)
         Pair constants.
     shifting : bool
         Whether the shifting sum is wanted.
+    work : ndarray, shape (2, m)
+        Overwritten.
 
     Returns
     -------
-    tuple of 11 floats
-        Divergence, diffusion, pressure (3), viscosity (3), shifting (3), each without the kernel slope
-        factor.
+    tuple of 7 floats
+        Continuity, momentum (3), shifting (3), each without the kernel slope factor.
     """
+    # With a constant, a loop each is compiled and vectorised; with a variable the terms are only masked.
+    if shifting:
+        return _sum(a, factors, buf, volume, n, k, True, work)
+    return _sum(a, factors, buf, volume, n, k, False, work)
+
+
+@nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
+def _sum(a, factors, buf, volume, n, k, shifting, work):
     xa, ya, za, ua, va, wa, da, pa = a
     half_over_h, eta2, one, zero, two, four = k[HALF_OVER_H], k[ETA2], k[ONE], k[ZERO], k[TWO], k[FOUR]
-    rho_a = da + k[TWICE_RHO0]
-    ratio, tensile = k[W_RATIO], k[TENSILE]
-    end = first + n
-    x, y, z = buf[X][first:end], buf[Y][first:end], buf[Z][first:end]
-    u, v, w = buf[VX][first:end], buf[VY][first:end], buf[VZ][first:end]
-    density, pressure, volume = buf[DENSITY][first:end], buf[PRESSURE][first:end], volume[first:end]
-    rho0 = k[TWICE_RHO0] / two
-    div = dif = px = py = pz = fx = fy = fz = sx = sy = sz = zero
+    rho_a, rho0 = da + k[TWICE_RHO0], k[TWICE_RHO0] / two
+    clump_4 = four * k[CLUMPING]
+    clump_5 = clump_4 + k[CLUMPING]
+    diffusion, viscosity = factors
+    diffusion_a, viscosity_0 = diffusion * da, viscosity * rho0
+    x, y, z = buf[X][:n], buf[Y][:n], buf[Z][:n]
+    u, v, w = buf[VX][:n], buf[VY][:n], buf[VZ][:n]
+    density, pressure, volume = buf[DENSITY][:n], buf[PRESSURE][:n], volume[:n]
+    slope, radial = work[0][:n], work[1][:n]
+    continuity = mx = my = mz = sx = sy = sz = zero
+    # Two loops: in a single one a pair waits so long for root and division that few are under way at once.
     for j in range(n):
         dx, dy, dz = xa - x[j], ya - y[j], za - z[j]
         r2 = dx * dx + dy * dy + dz * dz
         t = max(one - np.sqrt(r2) * half_over_h, zero)
         f = t * t * t * volume[j]
-        du, dv, dw = ua - u[j], va - v[j], wa - w[j]
-        rate = du * dx + dv * dy + dw * dz
-        rho_sum = rho_a + density[j]
-        inverse = one / ((r2 + eta2) * rho_sum)
-        g = f * r2 * inverse
-        div += f * rate
-        dif += (density[j] - da) * g * rho_sum
-        c = f * (pa + pressure[j])
-        px += c * dx
-        py += c * dy
-        pz += c * dz
-        c = g * (rho0 + density[j])
-        fx += c * du
-        fy += c * dv
-        fz += c * dw
+        slope[j] = f
+        radial[j] = f * r2 / ((r2 + eta2) * (rho_a + density[j]))
         if shifting:
-            w4 = t * t
-            w4 = w4 * w4 * (four * (one - t) + one) * ratio
-            w4 = w4 * w4
-            c = f * (one + tensile * w4 * w4)
+            clump = t * t
+            clump = clump * clump * (clump_5 - clump_4 * t)
+            clump = clump * clump
+            c = f + f * (clump * clump)
             sx += c * dx
             sy += c * dy
             sz += c * dz
-    return div, dif, px, py, pz, fx, fy, fz, sx, sy, sz
+    for j in range(n):
+        dx, dy, dz = xa - x[j], ya - y[j], za - z[j]
+        du, dv, dw = ua - u[j], va - v[j], wa - w[j]
+        f, g = slope[j], radial[j]
+        rise = (diffusion * density[j] - diffusion_a) * (rho_a + density[j])
+        continuity += f * (du * dx + dv * dy + dw * dz) - g * rise
+        c = f * (pa + pressure[j])
+        d = g * (viscosity_0 + viscosity * density[j])
+        mx += c * dx - d * du
+        my += c * dy - d * dv
+        mz += c * dz - d * dw
+    return continuity, mx, my, mz, sx, sy, sz

@@ -98,11 +98,12 @@ class PlainInteraction(Interaction):
                 self._keep_diffusion,
                 room,
                 wall_room,
+                self._orders,
                 acceleration,
                 density_rate,
                 shift,
             )
-            wall_pass(*air, *solid, *constants, room, wall_rate, force)
+            wall_pass(*air, *solid, *constants, room, self._orders, wall_rate, force)
         self._wall_rate = wall_rate
         total = force[0:3] + force[3:6]
         force[8:11] = np.cross(arm, total.T).T

@@ -7,25 +7,27 @@ import numba as nb
 
 from cwmav_sim.sph.forces import (
     FLUID,
-    FOUR_NU,
     MASS,
     RHO0,
     SLOPE,
+    own_factors,
     read_particle,
     store_rates,
+    support2,
 )
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
+    CHUNKS,
     aligned_rows,
+    dealt,
     fill,
+    share,
     slab_space,
     stretch,
-    stretches,
-    window,
 )
-from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, VOLUME, sum_pairs
+from cwmav_sim.sph.nearby import box_around, keep_nearby, nearby_space
+from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, VOLUME, WORK_ROWS, ZERO, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
-from cwmav_sim.sph.visibility import CHUNKS
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -46,6 +48,7 @@ def air_pass(
     keep_diffusion,
     room,
     wall_room,
+    orders,
     acceleration,
     density_rate,
     shift,
@@ -56,7 +59,7 @@ def air_pass(
     ----------
     fluid, column, order, start : ndarray
         Packed air in cell order, columns, numbers, first places; likewise the wall particles.
-    integers, cell, k, scale, shifting, acceleration, density_rate, shift
+    integers, cell, k, scale, shifting, orders, acceleration, density_rate, shift
         As in :func:`cwmav_sim.sph.forces.fluid_pass`.
     keep_diffusion : bool
         False switches the density diffusion off for air that sees a wall particle.
@@ -67,45 +70,60 @@ def air_pass(
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
-        near = aligned_rows(FLUID_ROWS, wall_room, fluid)
+        wall_buf = aligned_rows(FLUID_ROWS, wall_room, fluid)
         begin, runs = slab_space()
         wall_begin, _ = slab_space()
-        for number in range(chunk, stretches(integers), CHUNKS):
+        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
+        solid_nearby, solid_kept = nearby_space(FLUID_ROWS, wall_room, fluid)
+        work = aligned_rows(WORK_ROWS, room, fluid)
+        solid_work = aligned_rows(WORK_ROWS, wall_room, fluid)
+        reach2 = support2(k)
+        for turn in range(share(integers)):
+            number = dealt(integers, chunk, turn)
+            if number < 0:
+                continue
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             solid = (wall, wall_column, wall_start)
-            fill(solid, FLUID, ANY_IMAGE, integers, cell, place, runs, near, wall_begin)
+            fill(solid, FLUID, ANY_IMAGE, integers, cell, place, runs, wall_buf, wall_begin)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
-                first, n = window(begin, cz - z0)
-                first_wall, n_wall = window(wall_begin, cz - z0)
+                if start[c + 1] == start[c]:
+                    continue
                 offset = cell.dtype.type(cz - centre) * cell[2]
+                box = box_around(fluid, start[c], start[c + 1], offset)
+                slab = cz - z0
+                n, _ = keep_nearby(buf, FLUID_ROWS, begin, slab, box, reach2, orders, nearby, kept)
+                n_wall, _ = keep_nearby(
+                    wall_buf, FLUID_ROWS, wall_begin, slab, box, reach2, orders, solid_nearby, solid_kept
+                )
                 for i in range(start[c], start[c + 1]):
                     a, at = read_particle(fluid, offset, i), order[i]
-                    sums = _sums(a, buf, first, n, k, shifting)
-                    sees = _sees(a, near, first_wall, n_wall, k[HALF_OVER_H])
-                    keep = keep_diffusion or not sees
-                    store_rates(sums, scale, a[6], keep, at, acceleration, density_rate, shift)
+                    sees = _sees(a, solid_nearby, n_wall, k[HALF_OVER_H])
+                    own = own_factors(scale, a[6], keep_diffusion or not sees, k)
+                    sums = _sums(a, own, nearby, n, k, shifting, work)
+                    store_rates(sums, scale, a[6], at, acceleration, density_rate, shift)
                     if sees:
-                        sums = _sums(a, near, first_wall, n_wall, k, shifting)
+                        own = own_factors(scale, a[6], False, k)
+                        sums = _sums(a, own, solid_nearby, n_wall, k, shifting, solid_work)
                         _add(sums, scale, a[6], at, acceleration, density_rate, shift)
         restore_mode(mode)
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def _sums(a, buf, first, n, k, shifting):
+def _sums(a, own, buf, n, k, shifting, work):
     """Return the sums over all of a buffer; walls of particles hide nothing.
 
     One function that both passes call: inlined into them, its sums have other last digits
     (docs/decisions/0013).
     """
-    return sum_pairs(a, buf, buf[VOLUME], first, n, k, shifting)
+    return sum_pairs(a, own, buf, buf[VOLUME], n, k, shifting, work)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _sees(a, buf, first, n, half_over_h):
-    for j in range(first, first + n):
+def _sees(a, buf, n, half_over_h):
+    for j in range(n):
         dx, dy, dz = a[0] - buf[0, j], a[1] - buf[1, j], a[2] - buf[2, j]
         if (dx * dx + dy * dy + dz * dz) * half_over_h * half_over_h < 1.0:
             return True
@@ -117,8 +135,8 @@ def _add(sums, scale, density, place, acceleration, density_rate, shift):
     rho = scale[RHO0] + density
     slope = scale[SLOPE]
     for q in range(3):
-        acceleration[place, q] += slope * (-sums[2 + q] / rho + scale[FOUR_NU] * sums[5 + q])
-        shift[place, q] += slope * sums[8 + q]
+        acceleration[place, q] -= slope / rho * sums[1 + q]
+        shift[place, q] += slope * sums[4 + q]
     density_rate[place] += slope * rho * sums[0]
 
 
@@ -137,6 +155,7 @@ def wall_pass(
     k,
     scale,
     room,
+    orders,
     density_rate,
     force,
 ):
@@ -144,7 +163,9 @@ def wall_pass(
 
     Parameters
     ----------
-    fluid, column, order, start, wall, wall_column, wall_order, wall_start, integers, cell, k, scale, room
+    fluid, column, order, start, wall, wall_column, wall_order, wall_start
+        As in :func:`air_pass`, and likewise
+    integers, cell, k, scale, room, orders
         As in :func:`air_pass`.
     density_rate : ndarray, shape (n,), float64
         Filled with rates [kg/(m3 s)], under the numbers of the wall particles.
@@ -156,7 +177,13 @@ def wall_pass(
         mode = flush_subnormals()
         buf = aligned_rows(FLUID_ROWS, room, fluid)
         begin, runs = slab_space()
-        for number in range(chunk, stretches(integers), CHUNKS):
+        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
+        work = aligned_rows(WORK_ROWS, room, fluid)
+        reach2 = support2(k)
+        for turn in range(share(integers)):
+            number = dealt(integers, chunk, turn)
+            if number < 0:
+                continue
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             empty = True
@@ -168,17 +195,24 @@ def wall_pass(
             fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
-                first, n = window(begin, cz - z0)
+                if wall_start[c + 1] == wall_start[c]:
+                    continue
                 offset = cell.dtype.type(cz - centre) * cell[2]
+                box = box_around(wall, wall_start[c], wall_start[c + 1], offset)
+                n, _ = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
                 for i in range(wall_start[c], wall_start[c + 1]):
                     a, at = read_particle(wall, offset, i), wall_order[i]
-                    sums = _sums(a, buf, first, n, k, False)
+                    own = own_factors(scale, a[6], False, k)
+                    inviscid = (own[0], k[ZERO])
+                    pressure = _sums(a, inviscid, nearby, n, k, False, work)
+                    both = _sums(a, own, nearby, n, k, False, work)
                     rho = scale[RHO0] + a[6]
-                    density_rate[at] = scale[SLOPE] * rho * sums[0]
+                    density_rate[at] = scale[SLOPE] * rho * both[0]
                     force[6, at] = force[7, at] = 0.0
+                    to_force = -scale[MASS] * scale[SLOPE] / rho
                     for q in range(3):
-                        force[q, at] = -scale[MASS] * scale[SLOPE] * sums[2 + q] / rho
-                        force[3 + q, at] = scale[MASS] * scale[SLOPE] * scale[FOUR_NU] * sums[5 + q]
+                        force[q, at] = to_force * pressure[1 + q]
+                        force[3 + q, at] = to_force * (both[1 + q] - pressure[1 + q])
                         force[6, at] += force[q, at] * a[3 + q]
                         force[7, at] += force[3 + q, at] * a[3 + q]
         restore_mode(mode)

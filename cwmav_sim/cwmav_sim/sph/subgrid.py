@@ -18,18 +18,18 @@ from numpy.typing import NDArray
 
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
-    REACH,
-    SLABS,
+    CHUNKS,
     aligned_rows,
     any_marked,
+    dealt,
     fill,
+    share,
     slab_space,
     stretch,
-    stretches,
-    window,
 )
+from cwmav_sim.sph.nearby import box_around, keep_nearby, keep_same, nearby_space
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
-from cwmav_sim.sph.visibility import CHUNKS, count_sides, gather_sides, hide
+from cwmav_sim.sph.visibility import count_sides, gather_sides, hide
 
 SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
 
@@ -62,6 +62,7 @@ def add_subgrid_stress(
     near: NDArray[np.bool_],
     panels: int,
     room: int,
+    orders: NDArray[np.uint64],
 ) -> None:
     """Add the acceleration by the subgrid stress, shape (n, 3), in place.
 
@@ -69,7 +70,7 @@ def add_subgrid_stress(
     ----------
     acceleration : ndarray, shape (n, 3)
         [m/s2], under the numbers of the particles.
-    fluid, column, order, start, integers, cell, signed, inside, near, room
+    fluid, column, order, start, integers, cell, signed, inside, near, room, orders
         As in :func:`cwmav_sim.sph.walled.walled_pass`.
     mass : float
         Of a particle [kg].
@@ -82,7 +83,7 @@ def add_subgrid_stress(
     packed = np.zeros((_ROWS, n), fluid.dtype)
     packed[:6], packed[_WEIGHT] = fluid[:6], fluid[8]
     stress = np.empty((n, 6))
-    common = (column, start, integers, cell, k, signed, inside, near, panels, room)
+    common = (column, start, integers, cell, k, signed, inside, near, panels, room, orders)
     _pass(packed, fluid[6], *common, False, stress)
     packed[3:9] = stress.T
     packed[_WEIGHT] = mass
@@ -93,7 +94,21 @@ def add_subgrid_stress(
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def _pass(
-    packed, density, column, start, integers, cell, k, signed, inside, near, panels, room, of_stress, out
+    packed,
+    density,
+    column,
+    start,
+    integers,
+    cell,
+    k,
+    signed,
+    inside,
+    near,
+    panels,
+    room,
+    orders,
+    of_stress,
+    out,
 ):
     nx, ny = integers[0], integers[1]
     channels = signed.shape[0]
@@ -104,42 +119,54 @@ def _pass(
         weight = aligned_rows(1, room, packed)[0]
         side_s = aligned_rows(channels, room, packed)
         side_d = aligned_rows(channels, room, packed)
-        below, above = np.empty((channels, SLABS + 1), np.int32), np.empty((channels, SLABS + 1), np.int32)
+        nearby, kept = nearby_space(_ROWS, room, packed)
+        nearby_s = aligned_rows(channels, room, packed)
+        nearby_d = aligned_rows(channels, room, packed)
+        below, above = np.empty(channels, np.int32), np.empty(channels, np.int32)
         every = np.ones(channels, np.bool_)
-        for number in range(chunk, stretches(integers), CHUNKS):
+        reach2 = packed.dtype.type(1.0 / (k[_HALF_OVER_H] * k[_HALF_OVER_H]))
+        for turn in range(share(integers)):
+            number = dealt(integers, chunk, turn)
+            if number < 0:
+                continue
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             fill((packed, column, start), _LAYOUT, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             if any_marked(near, integers, place):
                 gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, every, side_s)
                 gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, every, side_d)
-                count_sides(side_s, begin, z1 - z0 + 2 * REACH, every, below, above)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
                     continue
-                first, n = window(begin, cz - z0)
                 offset = cell.dtype.type(cz - centre) * cell[2]
+                box = box_around(packed, start[c], start[c + 1], offset)
+                n, looks = keep_nearby(buf, _ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
                 walled = near[c]
+                if walled:
+                    for channel in range(channels):
+                        keep_same(side_s, channel, kept, looks, orders, nearby_s)
+                        keep_same(side_d, channel, kept, looks, orders, nearby_d)
+                    count_sides(nearby_s, n, every, below, above)
                 for i in range(start[c], start[c + 1]):
-                    seen = buf[_WEIGHT]
+                    seen = nearby[_WEIGHT]
                     if walled:
                         s_a, d_a = signed[:, i], inside[:, i]
-                        seen = hide(seen, s_a, d_a, side_s, side_d, below, above, cz - z0, first, n, weight)
+                        seen = hide(seen, s_a, d_a, nearby_s, nearby_d, below, above, n, weight)
                     if of_stress:
-                        _divergence(packed, offset, i, buf, seen, first, n, k, out)
+                        _divergence(packed, offset, i, nearby, seen, n, k, out)
                     else:
-                        _stress(packed, offset, i, k[_RHO0] + density[i], buf, seen, first, n, k, out)
+                        _stress(packed, offset, i, k[_RHO0] + density[i], nearby, seen, n, k, out)
         restore_mode(mode)
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def _stress(packed, offset, i, rho, buf, weight, first, n, k, out):
+def _stress(packed, offset, i, rho, buf, weight, n, k, out):
     """Tensor tau/rho^2 of one particle: (xx, xy, yy, zz, yz, xz)."""
     xa, ya, za = packed[0, i], packed[1, i], packed[2, i] + offset
     ua, va, wa = packed[3, i], packed[4, i], packed[5, i]
     xx = xy = yy = zz = yz = xz = 0.0
-    for j in range(first, first + n):
+    for j in range(n):
         dx, dy, dz = xa - buf[0, j], ya - buf[1, j], za - buf[2, j]
         t = max(1.0 - np.sqrt(dx * dx + dy * dy + dz * dz) * k[_HALF_OVER_H], 0.0)
         f = -k[_SLOPE] * t * t * t * weight[j]
@@ -162,11 +189,11 @@ def _stress(packed, offset, i, rho, buf, weight, first, n, k, out):
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def _divergence(packed, offset, i, buf, weight, first, n, k, out):
+def _divergence(packed, offset, i, buf, weight, n, k, out):
     """Acceleration of one particle by the stresses of the pairs."""
     xa, ya, za = packed[0, i], packed[1, i], packed[2, i] + offset
     ax = ay = az = 0.0
-    for j in range(first, first + n):
+    for j in range(n):
         dx, dy, dz = xa - buf[0, j], ya - buf[1, j], za - buf[2, j]
         t = max(1.0 - np.sqrt(dx * dx + dy * dy + dz * dz) * k[_HALF_OVER_H], 0.0)
         f = k[_SLOPE] * t * t * t * weight[j]

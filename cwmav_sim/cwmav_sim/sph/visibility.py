@@ -20,24 +20,23 @@ import numpy as np
 
 from cwmav_sim.sph.blocks import BLOCK, scaled_block
 from cwmav_sim.sph.gather import (
+    CHUNKS,
     FIRST,
     LAST,
-    PADDING,
     REACH,
     SIGN,
     aligned_rows,
+    dealt,
     fill,
+    share,
     slab_runs,
     slab_space,
     stretch,
-    stretches,
 )
 
 # Rows of packed probes: position, normal, inward direction, distance inside the outline.
 PROBES = 3, 1  # vectors and scalars
 PROBE_ROWS = 10
-
-CHUNKS = 64  # independent parts of a pass
 
 
 @nb.njit(cache=True)
@@ -106,7 +105,10 @@ def locate(
     for chunk in nb.prange(CHUNKS):
         begin, runs = slab_space()
         buf = aligned_rows(PROBE_ROWS, room, cell)
-        for number in range(chunk, stretches(integers), CHUNKS):
+        for turn in range(share(integers)):
+            number = dealt(integers, chunk, turn)
+            if number < 0:
+                continue
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             for channel in range(channels):
@@ -188,44 +190,34 @@ def gather_sides(sides, start, integers, place, image, panels, runs, wanted, buf
                 for j in range(blocks * BLOCK, length):
                     buf[c, m + j] = sides[source, first + j]
             m += length
-    for c in range(channels):
-        if not wanted[c]:
-            continue
-        for j in range(m, m + PADDING):
-            buf[c, j] = buf.dtype.type(0.0)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def count_sides(signed, begin, slabs, wanted, below, above):
-    """Count, slab by slab of a buffer, how many entries so far lie on either side of every wall.
+def count_sides(signed, n, wanted, below, above):
+    """Count how many of the first ``n`` entries of a buffer lie on either side of every wall.
 
     Parameters
     ----------
     signed : ndarray, shape (channels, room)
-        Distances of the entries from the walls.
-    begin, slabs : ndarray, int
-        First entry of every slab and number of slabs.
+        Distances of the entries from the walls; zero behind the last one.
     wanted : ndarray, shape (channels,), bool
         Channels to count.
-    below, above : ndarray, shape (channels, SLABS + 1), int32
-        Filled: entries with a negative and with a positive distance before the begin of every slab.
+    below, above : ndarray, shape (channels,), int32
+        Filled: entries with a negative and with a positive distance.
     """
     for c in range(signed.shape[0]):
         if not wanted[c]:
             continue
-        below[c, 0] = above[c, 0] = 0
-        for slab in range(slabs):
-            s = signed[c][begin[slab] : begin[slab + 1]]
-            negative = positive = np.int32(0)
-            for j in range(s.shape[0]):  # sums of integers, which become vector loops; a minimum does not
-                negative += np.int32(s[j] < 0)
-                positive += np.int32(s[j] > 0)
-            below[c, slab + 1] = below[c, slab] + negative
-            above[c, slab + 1] = above[c, slab] + positive
+        s = signed[c][:n]
+        negative = positive = np.int32(0)
+        for j in range(n):  # sums of integers, which become vector loops; a minimum does not
+            negative += np.int32(s[j] < 0)
+            positive += np.int32(s[j] > 0)
+        below[c], above[c] = negative, positive
 
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def hide(weight, signed_a, inside_a, signed, inside, below, above, slab, first, n, out):
+def hide(weight, signed_a, inside_a, signed, inside, below, above, n, out):
     """Return ``weight`` with zero where a wall stands between a particle and an entry.
 
     Parameters
@@ -236,34 +228,25 @@ def hide(weight, signed_a, inside_a, signed, inside, below, above, slab, first, 
         Distances of the particle; zero for every wall out of its reach, whose channels are not looked at.
     signed, inside : ndarray, shape (channels, m)
         Distances of the entries.
-    below, above : ndarray, shape (channels, SLABS + 1), int32
+    below, above : ndarray, shape (channels,), int32
         From :func:`count_sides`.
-    slab : int
-        First slab of the window.
-    first, n : int
+    n : int
         Entries in use.
     out : ndarray, shape (m,)
         Room for the result; not ``weight``.
     """
     zero = weight.dtype.type(0.0)
-    beyond = slab + 2 * REACH + 1
     copied = False
     for c in range(signed.shape[0]):
         s_a, d_a = signed_a[c], inside_a[c]
-        if s_a == zero:
-            continue
-        others = below[c, beyond] - below[c, slab]
-        if s_a < zero:
-            others = above[c, beyond] - above[c, slab]
-        if others == 0:
+        if s_a == zero or (above[c] if s_a < zero else below[c]) == 0:
             continue
         size = abs(s_a)
-        s, d = signed[c][first : first + n], inside[c][first : first + n]
-        target = out[first : first + n]
+        s, d, target = signed[c][:n], inside[c][:n], out[:n]
         # Two loops, because source and target of one must not be the same memory if it is to use vectors.
         if not copied:
             copied = True
-            source = weight[first : first + n]
+            source = weight[:n]
             for j in range(n):
                 hidden = (s_a * s[j] < zero) & (d_a * abs(s[j]) + d[j] * size > zero)
                 target[j] = zero if hidden else source[j]

@@ -99,8 +99,8 @@ def wall_constants(
 
 # Inlined by force: a call could end in another copy, with sums in another order (docs/decisions/0013).
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def sum_wall(a, side, buf, area, first, n, k, reaction):
-    """Sum the wall terms of one particle over ``n`` buffered elements.
+def sum_wall(a, side, buf, area, n, k, reaction):
+    """Sum the wall terms of one particle over the first ``n`` entries of a buffer of elements.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def sum_wall(a, side, buf, area, first, n, k, reaction):
         Elements, rows as packed.
     area : ndarray, shape (m,)
         Area of each element, zero where hidden by another wall.
-    first, n : int
-        First entry and number of entries to use.
+    n : int
+        Number of entries to use.
     k : ndarray, shape (32,)
         Wall constants.
     reaction : ndarray, shape (4, m), or None
@@ -143,15 +143,14 @@ def sum_wall(a, side, buf, area, first, n, k, reaction):
         k[COEFFICIENTS + 9],
     )
     c0, c1, c2 = k[COEFFICIENTS + 10], k[COEFFICIENTS + 11], k[COEFFICIENTS + 12]
-    end = first + n
-    x, y, z = buf[EX][first:end], buf[EY][first:end], buf[EZ][first:end]
-    u, v, w = buf[EVX][first:end], buf[EVY][first:end], buf[EVZ][first:end]
-    normal_x, normal_y, normal_z = buf[NX][first:end], buf[NY][first:end], buf[NZ][first:end]
-    acceleration, area = buf[NORMAL_ACCELERATION][first:end], area[first:end]
+    x, y, z = buf[EX][:n], buf[EY][:n], buf[EZ][:n]
+    u, v, w = buf[EVX][:n], buf[EVY][:n], buf[EVZ][:n]
+    normal_x, normal_y, normal_z = buf[NX][:n], buf[NY][:n], buf[NZ][:n]
+    acceleration, area = buf[NORMAL_ACCELERATION][:n], area[:n]
     if reaction is not None:
         # As slices, because indices that may be negative keep the loop from using vectors.
-        reaction_x, reaction_y = reaction[0][first:end], reaction[1][first:end]
-        reaction_z, carried = reaction[2][first:end], reaction[3][first:end]
+        reaction_x, reaction_y = reaction[0][:n], reaction[1][:n]
+        reaction_z, carried = reaction[2][:n], reaction[3][:n]
     px = py = pz = fx = fy = fz = div = sx = sy = sz = pp = pf = zero
     for j in range(n):
         dx, dy, dz = xa - x[j], ya - y[j], za - z[j]

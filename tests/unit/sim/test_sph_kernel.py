@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.gather import FAR
 from cwmav_sim.sph.kernel import Kernel, ray_integral
-from cwmav_sim.sph.pair import FLUID_ROWS, pair_constants, sum_pairs
+from cwmav_sim.sph.pair import FLUID_ROWS, WORK_ROWS, pair_constants, sum_pairs
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
@@ -60,7 +60,9 @@ def test_sums_of_one_particle_are_the_written_formulas():
     kernel = Kernel(0.02, 3)
     k = pair_constants(kernel.h, 1.225, 1.0, 1.0, 0.0, np.dtype(np.float64))
     a = tuple(rows[:8, 0])
-    sums = np.array(sum_pairs(a, rows, rows[8], 0, rows.shape[1], k, True)) * kernel.slope
+    n, diffusion, viscosity = rows.shape[1], 0.3, 0.7
+    work = np.empty((WORK_ROWS, n))
+    sums = sum_pairs(a, (diffusion, viscosity), rows, rows[8], n, k, True, work)
     r = rows[0:3, 0, None] - rows[0:3, 1:count]
     v = rows[3:6, 0, None] - rows[3:6, 1:count]
     r2 = np.sum(r**2, axis=0)
@@ -68,11 +70,10 @@ def test_sums_of_one_particle_are_the_written_formulas():
     volume, density, pressure = rows[8, 1:count], rows[6, 1:count], rows[7, 1:count]
     eta2 = 0.01 * kernel.h**2
     mass = volume * (1.225 + density)
-    expected = [
-        np.sum(volume * f * np.sum(v * r, axis=0)),
-        np.sum(volume * (density - rows[6, 0]) * f * r2 / (r2 + eta2)),
-        *np.sum(volume * (pressure + rows[7, 0]) * f * r, axis=1),
-        *np.sum(mass * f * r2 / ((r2 + eta2) * (2.45 + density + rows[6, 0])) * v, axis=1),
-        *np.sum(volume * f * r, axis=1),
-    ]
-    np.testing.assert_allclose(sums, expected, rtol=1e-10)
+    divergence = np.sum(volume * f * np.sum(v * r, axis=0))
+    diffused = np.sum(volume * (density - rows[6, 0]) * f * r2 / (r2 + eta2))
+    pressed = np.sum(volume * (pressure + rows[7, 0]) * f * r, axis=1)
+    sheared = np.sum(mass * f * r2 / ((r2 + eta2) * (2.45 + density + rows[6, 0])) * v, axis=1)
+    concentration = np.sum(volume * f * r, axis=1)
+    expected = [divergence - diffusion * diffused, *(pressed - viscosity * sheared), *concentration]
+    np.testing.assert_allclose(np.array(sums) * kernel.slope, expected, rtol=1e-10)

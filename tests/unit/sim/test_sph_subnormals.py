@@ -10,7 +10,7 @@ import pytest
 from llvmlite import ir
 
 from cwmav_sim.sph import subnormals
-from cwmav_sim.sph.pair import pair_constants, sum_pairs
+from cwmav_sim.sph.pair import WORK_ROWS, pair_constants, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 
 KNOWN = platform.machine().lower() in ("x86_64", "amd64", "aarch64", "arm64")
@@ -65,11 +65,11 @@ def test_machine_code_of_every_processor(triple, instructions):
 
 
 @nb.njit
-def both(a, buf, k, n, sums):
+def both(a, factors, buf, k, n, work, sums):
     for row in range(2):
         mode = flush_subnormals() if row else np.uint64(0)
-        found = sum_pairs(a, buf, buf[8], 0, n, k, True)
-        for q in range(11):
+        found = sum_pairs(a, factors, buf, buf[8], n, k, True, work)
+        for q in range(7):
             sums[row, q] = found[q]
         if row:
             restore_mode(mode)
@@ -82,7 +82,8 @@ def test_sums_over_pairs_keep_every_digit():
     buf[8] = 1e-6
     a = tuple(np.float32(v) for v in (0.0, 0.0, 0.0, 1.0, -0.5, 0.2, 0.01, 3.0))
     k = pair_constants(1e-2, 1.2, 1e5, 2.5e5, 0.2, np.dtype(np.float32))
-    sums = np.empty((2, 11), np.float32)
-    both(a, buf, k, 512, sums)
+    sums = np.empty((2, 7), np.float32)
+    factors = (np.float32(0.3), np.float32(0.7))
+    both(a, factors, buf, k, 512, np.empty((WORK_ROWS, 512), np.float32), sums)
     assert np.abs(sums).min() > 0.0
     assert (sums[0] == sums[1]).all()

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walls around a stretch of cells, and those of their elements within reach of one cell.
+
+Beside the buffer of neighbours (see ``gather``) a stretch near walls has, per channel, a buffer of the
+elements of a wall or of its mirror image, and the distances of neighbours and elements from all walls. For
+every cell the entries within reach are copied together (see ``nearby``).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba as nb
+import numpy as np
+
+from cwmav_sim.sph.gather import (
+    ANY_IMAGE,
+    FIRST,
+    LAST,
+    PADDING,
+    REACH,
+    SLABS,
+    aligned_rows,
+    fill,
+    slab_runs,
+)
+from cwmav_sim.sph.nearby import add_back, keep_nearby, keep_same
+from cwmav_sim.sph.visibility import count_sides, gather_sides
+from cwmav_sim.sph.wall import ELEMENT_ROWS, ELEMENTS
+
+REACTION_SIZE = 4  # force on an element, and the mass of air it carries along
+
+
+class Sides(NamedTuple):
+    """Distances of the entries of a buffer from every wall, and how many lie on either side of it.
+
+    Attributes
+    ----------
+    signed, inside : ndarray, shape (channels, room)
+        As in ``visibility``.
+    below, above : ndarray, shape (channels,), int32
+        Counts of negative and positive distances.
+    """
+
+    signed: Any
+    inside: Any
+    below: Any
+    above: Any
+
+
+class Walls(NamedTuple):
+    """Elements of every wall around, channel by channel.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (channels, 11, room)
+        Packed elements.
+    signed, inside : ndarray, shape (channels, channels, room)
+        Their distances from all walls.
+    below, above : ndarray, shape (channels, channels), int32
+        Counts of negative and positive distances.
+    reaction : ndarray, shape (channels, 4, room)
+        What particles return to them.
+    begin : ndarray, shape (channels, slabs + 1), int
+        First entry of every slab of a stretch.
+    entries : ndarray, shape (channels,), int
+        Number of entries kept for a cell.
+    kept, looks : ndarray, shape (channels, room, 2) and (channels,)
+        Which entries of the stretch these are.
+    """
+
+    rows: Any
+    signed: Any
+    inside: Any
+    below: Any
+    above: Any
+    reaction: Any
+    begin: Any
+    entries: Any
+    kept: Any
+    looks: Any
+
+
+@nb.njit(cache=True, error_model="numpy")
+def side_space(channels, room, like):
+    """Return room for the sides of ``room`` entries."""
+    return Sides(
+        aligned_rows(channels, room, like),
+        aligned_rows(channels, room, like),
+        np.zeros(channels, np.int32),
+        np.zeros(channels, np.int32),
+    )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def wall_space(channels, room, like):
+    """Return room for ``room`` elements of every wall."""
+    square = (channels, channels, room)
+    return Walls(
+        aligned_rows(channels * ELEMENT_ROWS, room, like).reshape((channels, ELEMENT_ROWS, room)),
+        aligned_rows(channels * channels, room, like).reshape(square),
+        aligned_rows(channels * channels, room, like).reshape(square),
+        np.zeros((channels, channels), np.int32),
+        np.zeros((channels, channels), np.int32),
+        np.empty((channels, REACTION_SIZE, room), like.dtype),
+        np.empty((channels, SLABS + 1), np.int64),
+        np.zeros(channels, np.int64),
+        np.empty((channels, room, 2), np.uint64),
+        np.zeros(channels, np.int64),
+    )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def gather_walls(packed, sides, integers, cell, place, runs, around, walls):
+    """Fill the buffers of the walls around a stretch.
+
+    Parameters
+    ----------
+    packed : tuple of 3 ndarray
+        Packed elements sorted by panel and cell, their columns, first places, shape (p, cells + 1).
+    sides : tuple of 2 ndarray
+        Distances ``signed`` and ``inside`` of the elements from the other walls, shape (channels, m).
+    integers, cell : ndarray
+        Grid integers and cell extent.
+    place : tuple of 5 int
+        From :func:`~cwmav_sim.sph.gather.stretch`.
+    runs : ndarray
+        Working space.
+    around : ndarray, shape (channels,), bool
+        Filled: which walls have elements around.
+    walls : Walls
+        Filled: rows, distances, ``begin``; reactions are set to zero.
+    """
+    rows, column, start = packed
+    panels, channels = start.shape[0], around.shape[0]
+    slabs = place[3] - place[2] + 2 * REACH
+    for channel in range(channels):
+        points, image = (rows, column, start[channel % panels]), 1 if channel < panels else -1
+        fill(points, ELEMENTS, image, integers, cell, place, runs, walls.rows[channel], walls.begin[channel])
+        # A wall without elements around here is out of reach of every particle of the stretch.
+        around[channel] = walls.begin[channel, slabs] > 0
+    for channel in range(channels):
+        if not around[channel]:
+            continue
+        walls.reaction[channel, :, : walls.begin[channel, slabs] + PADDING] = 0.0
+        if not _others(around, channel):
+            continue
+        first, image = start[channel % panels], 1 if channel < panels else -1
+        gather_sides(sides[0], first, integers, place, image, panels, runs, around, walls.signed[channel])
+        gather_sides(sides[1], first, integers, place, image, panels, runs, around, walls.inside[channel])
+
+
+@nb.njit(cache=True, error_model="numpy")
+def gather_particle_sides(signed, inside, start, integers, place, panels, runs, around, sides):
+    """Fill the distances of everything around a stretch from the walls ``around``."""
+    gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, around, sides.signed)
+    gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, around, sides.inside)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def keep_sides(sides, kept, looks, n, orders, around, out):
+    """Bring the sides of a stretch to the ``n`` entries that were kept for a cell, and count them."""
+    for channel in range(around.shape[0]):
+        if around[channel]:
+            keep_same(sides.signed, channel, kept, looks, orders, out.signed)
+            keep_same(sides.inside, channel, kept, looks, orders, out.inside)
+    count_sides(out.signed, n, around, out.below, out.above)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def keep_walls(walls, slab, box, reach2, orders, around, out):
+    """Keep of the walls around a stretch what lies within reach of a cell; its reactions are set to zero."""
+    channels = around.shape[0]
+    for channel in range(channels):
+        out.entries[channel] = 0
+        if not around[channel]:
+            continue
+        kept = out.kept[channel]
+        n, looks = keep_nearby(
+            walls.rows[channel],
+            ELEMENT_ROWS,
+            walls.begin[channel],
+            slab,
+            box,
+            reach2,
+            orders,
+            out.rows[channel],
+            kept,
+        )
+        out.entries[channel], out.looks[channel] = n, looks
+        out.reaction[channel, :, :n] = 0.0
+        for other in range(channels):
+            out.below[channel, other] = out.above[channel, other] = 0
+        if n == 0 or not _others(around, channel):
+            continue
+        signed, inside = out.signed[channel], out.inside[channel]
+        for other in range(channels):
+            if around[other]:
+                keep_same(walls.signed[channel], other, kept, looks, orders, signed)
+                keep_same(walls.inside[channel], other, kept, looks, orders, inside)
+        count_sides(signed, n, around, out.below[channel], out.above[channel])
+
+
+@nb.njit(cache=True, error_model="numpy")
+def add_reactions(nearby, around, walls):
+    """Add what the particles of a cell returned to the walls to the buffers of the stretch."""
+    for channel in range(around.shape[0]):
+        if around[channel] and nearby.entries[channel] > 0:
+            add_back(
+                nearby.reaction[channel], nearby.kept[channel], nearby.looks[channel], walls.reaction[channel]
+            )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def return_reactions(buf, begin, start, integers, place, image, mass, runs, out):
+    """Add the buffered reactions of a stretch to their elements; those on images are mirrored back."""
+    cx, cy, z0, z1, centre = place
+    for slab in range(z1 - z0 + 2 * REACH):
+        m = begin[slab]
+        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
+        for run in range(count):
+            first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
+            for q in range(REACTION_SIZE):
+                factor = image * mass if q == 1 else mass
+                source, target = buf[q][m : m + length], out[q][first : first + length]
+                for j in range(length):
+                    target[j] += factor * source[j]
+            m += length
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _others(around, channel):
+    """Return whether any other wall than that of a channel is around."""
+    for other in range(around.shape[0]):  # noqa: SIM110 - no generators in compiled code
+        if around[other] and other != channel:
+            return True
+    return False
