@@ -24,7 +24,7 @@ from cwmav_sim.sph.state import Particles, lattice
 from cwmav_sim.sph.stream import relax
 from cwmav_sim.sph.surfaces import Sides
 from cwmav_sim.sph.timers import Timers
-from cwmav_sim.sph.timestep import stable_step
+from cwmav_sim.sph.timestep import largest_length, stable_step
 
 FloatArray = NDArray[np.float64]
 
@@ -232,14 +232,14 @@ class Solver:
         self._grid.wrap(air.x)
 
     def _next_step(self, first: Rates, second: Rates, nodes: Nodes | None) -> float:
-        speed = _largest(self._air.v)
+        speed = largest_length(self._air.v)
         if not math.isfinite(speed) or not np.isfinite(self._air.rho).all():
             raise WorkError(
                 f"the air became undefined at t = {self.time:.6g} s, step {self.steps}, dt = {self._dt:.3g} s"
             )
         if nodes is not None:
-            speed = max(speed, _largest(nodes.v))
-        acceleration = max(_largest(first.acceleration), _largest(second.acceleration))
+            speed = max(speed, largest_length(nodes.v))
+        acceleration = max(largest_length(first.acceleration), largest_length(second.acceleration))
         # Speeds beyond the expected ones shorten the step as a higher speed of sound would.
         signal = max(self.sound_speed, speed / self._settings.fluid.mach_limit)
         cfl, viscosity = self._settings.resolution.cfl, self._settings.fluid.viscosity
@@ -325,7 +325,3 @@ class Solver:
     def pairs(self) -> int:
         """Ordered pairs of particles within the support, as one pass sums them."""
         return self._interaction.pairs(self._air)
-
-
-def _largest(vectors: FloatArray) -> float:
-    return math.sqrt(float(np.max(np.einsum("ij,ij->i", vectors, vectors))))

@@ -21,6 +21,7 @@ from cwmav_sim.sph.gather import (
     REACH,
     SLABS,
     aligned_rows,
+    any_marked,
     fill,
     slab_runs,
 )
@@ -111,7 +112,7 @@ def wall_space(channels, room, like):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_walls(packed, sides, integers, cell, place, runs, around, walls):
+def gather_walls(packed, sides, near, integers, cell, place, runs, around, walls):
     """Fill the buffers of the walls around a stretch.
 
     Parameters
@@ -120,6 +121,8 @@ def gather_walls(packed, sides, integers, cell, place, runs, around, walls):
         Packed elements sorted by panel and cell, their columns, first places, shape (p, cells + 1).
     sides : tuple of 2 ndarray
         Distances ``signed`` and ``inside`` of the elements from the other walls, shape (channels, m).
+    near : ndarray, shape (channels, cells), bool
+        Cells that have elements of a wall around them.
     integers, cell : ndarray
         Grid integers and cell extent.
     place : tuple of 5 int
@@ -135,10 +138,12 @@ def gather_walls(packed, sides, integers, cell, place, runs, around, walls):
     panels, channels = start.shape[0], around.shape[0]
     slabs = place[3] - place[2] + 2 * REACH
     for channel in range(channels):
+        # A wall without elements around here is out of reach of every particle of the stretch.
+        around[channel] = any_marked(near[channel], integers, place)
+        if not around[channel]:
+            continue
         points, image = (rows, column, start[channel % panels]), 1 if channel < panels else -1
         fill(points, ELEMENTS, image, integers, cell, place, runs, walls.rows[channel], walls.begin[channel])
-        # A wall without elements around here is out of reach of every particle of the stretch.
-        around[channel] = walls.begin[channel, slabs] > 0
     for channel in range(channels):
         if not around[channel]:
             continue

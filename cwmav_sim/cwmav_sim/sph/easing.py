@@ -66,21 +66,21 @@ def _ease(
     keep_out: float,
 ) -> None:
     for i in nb.prange(x.shape[0]):
-        move = -strength * gradient[i]
-        length = np.sqrt(move[0] ** 2 + move[1] ** 2 + move[2] ** 2)
+        mx, my, mz = -strength * gradient[i, 0], -strength * gradient[i, 1], -strength * gradient[i, 2]
+        length = np.sqrt(mx**2 + my**2 + mz**2)
         if length > limit:
-            move *= limit / length
+            cut = limit / length
+            mx, my, mz = cut * mx, cut * my, cut * mz
         for c in range(signed.shape[0]):
             s = signed[c, i]
             distance = abs(s)
             if s == 0.0 or distance >= dp or inside[c, i] <= 0.0:
                 continue
             side = 1.0 if s > 0.0 else -1.0
-            away = 0.0
-            for q in range(3):
-                away += side * move[q] * normal[c, q, i]
+            nx, ny, nz = side * normal[c, 0, i], side * normal[c, 1, i], side * normal[c, 2, i]
+            away = mx * nx + my * ny + mz * nz
             correction = max(-away, 0.0) + EASE * max(keep_out - distance, 0.0)
-            for q in range(3):
-                move[q] += correction * side * normal[c, q, i]
-        for q in range(3):
-            x[i, q] += move[q]
+            mx, my, mz = mx + correction * nx, my + correction * ny, mz + correction * nz
+        x[i, 0] += mx
+        x[i, 1] += my
+        x[i, 2] += mz

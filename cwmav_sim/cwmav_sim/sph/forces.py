@@ -16,10 +16,10 @@ from cwmav_sim.sph.gather import (
     dealt,
     fill,
     share,
-    slab_space,
     stretch,
 )
-from cwmav_sim.sph.nearby import box_around, keep_nearby, nearby_space
+from cwmav_sim.sph.lending import held, lent
+from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, ONE, VOLUME, WORK_ROWS, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 
@@ -104,10 +104,8 @@ def fluid_pass(
     nx, ny = integers[0], integers[1]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        buf = aligned_rows(FLUID_ROWS, room, fluid)
-        begin, runs = slab_space()
-        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
-        work = aligned_rows(WORK_ROWS, room, fluid)
+        own_space = space(FLUID_ROWS, room, fluid), aligned_rows(WORK_ROWS, room, fluid)
+        (buf, begin, runs, nearby, kept), work = lent(own_space)
         reach2 = support2(k)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
@@ -128,4 +126,5 @@ def fluid_pass(
                     own = own_factors(scale, a[6], True, k)
                     sums = sum_pairs(a, own, nearby, nearby[VOLUME], n, k, shifting, work)
                     store_rates(sums, scale, a[6], order[i], acceleration, density_rate, shift)
+        held(own_space)
         restore_mode(mode)

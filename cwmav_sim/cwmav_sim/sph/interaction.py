@@ -294,6 +294,7 @@ class Interaction:
             sides.signed,
             sides.inside,
             surfaces.near,
+            surfaces.near_any,
             elements.rows,
             elements.column,
             elements.start,
@@ -308,7 +309,7 @@ class Interaction:
             loads,
             parts,
         )
-        self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides, surfaces.near)
+        self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides, surfaces.near_any)
         acceleration += self._gravity
         own = sides.in_storage_order(self.panels, sorting.order)
         found = as_rates(acceleration, density_rate, shift, loads.sum(axis=0), own)

@@ -8,11 +8,13 @@ are copied together: two fifths of the window, looked at by every particle of th
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numba as nb
 import numpy as np
 
 from cwmav_sim.sph.blocks import LANE_BYTES, count_lanes, lanes_within, ordered_lanes
-from cwmav_sim.sph.gather import FAR, REACH, aligned_rows
+from cwmav_sim.sph.gather import FAR, REACH, aligned_rows, slab_space
 
 MULTIPLE = 16  # entries; the sums look at a multiple, at least what a vector loop takes at once
 
@@ -45,10 +47,34 @@ def box_around(points, first, last, offset):
     return centre, (half * (x1 - x0), half * (y1 - y0), half * (z1 - z0))
 
 
+class Space(NamedTuple):
+    """Room for what surrounds a stretch, and for what of it is within reach of a cell.
+
+    Attributes
+    ----------
+    buf : ndarray, shape (rows, room)
+        Everything around the stretch.
+    begin, runs : ndarray
+        First entry of every slab, and working space.
+    nearby : ndarray, shape (rows, room)
+        What is within reach.
+    kept : ndarray, shape (room, 2), uint64
+        Which entries of the buffer these are.
+    """
+
+    buf: Any
+    begin: Any
+    runs: Any
+    nearby: Any
+    kept: Any
+
+
 @nb.njit(cache=True, error_model="numpy")
-def nearby_space(rows, room, like):
-    """Return room for what is kept of a buffer, (rows, room), and for which of its lanes these are."""
-    return aligned_rows(rows, room, like), np.empty((room, 2), np.uint64)
+def space(rows, room, like):
+    """Return room for ``rows`` values of up to ``room`` entries, of the type of ``like``."""
+    begin, runs = slab_space()
+    buf, nearby = aligned_rows(rows, room, like), aligned_rows(rows, room, like)
+    return Space(buf, begin, runs, nearby, np.empty((room, 2), np.uint64))
 
 
 @nb.njit(cache=True, error_model="numpy", forceinline=True)

@@ -22,10 +22,10 @@ from cwmav_sim.sph.gather import (
     dealt,
     fill,
     share,
-    slab_space,
     stretch,
 )
-from cwmav_sim.sph.nearby import box_around, keep_nearby, nearby_space
+from cwmav_sim.sph.lending import held, lent
+from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, VOLUME, WORK_ROWS, ZERO, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 
@@ -69,14 +69,14 @@ def air_pass(
     ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        buf = aligned_rows(FLUID_ROWS, room, fluid)
-        wall_buf = aligned_rows(FLUID_ROWS, wall_room, fluid)
-        begin, runs = slab_space()
-        wall_begin, _ = slab_space()
-        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
-        solid_nearby, solid_kept = nearby_space(FLUID_ROWS, wall_room, fluid)
-        work = aligned_rows(WORK_ROWS, room, fluid)
-        solid_work = aligned_rows(WORK_ROWS, wall_room, fluid)
+        own_space = (
+            space(FLUID_ROWS, room, fluid),
+            space(FLUID_ROWS, wall_room, fluid),
+            (aligned_rows(WORK_ROWS, room, fluid), aligned_rows(WORK_ROWS, wall_room, fluid)),
+        )
+        around, solid_around, (work, solid_work) = lent(own_space)
+        buf, begin, runs, nearby, kept = around
+        wall_buf, wall_begin, _, solid_nearby, solid_kept = solid_around
         reach2 = support2(k)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
@@ -108,6 +108,7 @@ def air_pass(
                         own = own_factors(scale, a[6], False, k)
                         sums = _sums(a, own, solid_nearby, n_wall, k, shifting, solid_work)
                         _add(sums, scale, a[6], at, acceleration, density_rate, shift)
+        held(own_space)
         restore_mode(mode)
 
 
@@ -175,10 +176,8 @@ def wall_pass(
     ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        buf = aligned_rows(FLUID_ROWS, room, fluid)
-        begin, runs = slab_space()
-        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
-        work = aligned_rows(WORK_ROWS, room, fluid)
+        own_space = space(FLUID_ROWS, room, fluid), aligned_rows(WORK_ROWS, room, fluid)
+        (buf, begin, runs, nearby, kept), work = lent(own_space)
         reach2 = support2(k)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
@@ -215,4 +214,5 @@ def wall_pass(
                         force[3 + q, at] = to_force * (both[1 + q] - pressure[1 + q])
                         force[6, at] += force[q, at] * a[3 + q]
                         force[7, at] += force[3 + q, at] * a[3 + q]
+        held(own_space)
         restore_mode(mode)

@@ -16,6 +16,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from cwmav_sim.sph.around import gather_particle_sides, keep_sides, side_space
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
     CHUNKS,
@@ -24,12 +25,12 @@ from cwmav_sim.sph.gather import (
     dealt,
     fill,
     share,
-    slab_space,
     stretch,
 )
-from cwmav_sim.sph.nearby import box_around, keep_nearby, keep_same, nearby_space
+from cwmav_sim.sph.lending import held, lent
+from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
-from cwmav_sim.sph.visibility import count_sides, gather_sides, hide
+from cwmav_sim.sph.visibility import hide
 
 SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
 
@@ -114,15 +115,13 @@ def _pass(
     channels = signed.shape[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        buf = aligned_rows(_ROWS, room, packed)
-        begin, runs = slab_space()
-        weight = aligned_rows(1, room, packed)[0]
-        side_s = aligned_rows(channels, room, packed)
-        side_d = aligned_rows(channels, room, packed)
-        nearby, kept = nearby_space(_ROWS, room, packed)
-        nearby_s = aligned_rows(channels, room, packed)
-        nearby_d = aligned_rows(channels, room, packed)
-        below, above = np.empty(channels, np.int32), np.empty(channels, np.int32)
+        own_space = (
+            space(_ROWS, room, packed),
+            (side_space(channels, room, packed), side_space(channels, room, packed)),
+            aligned_rows(1, room, packed),
+        )
+        around, (sides, nearby_sides), weight = lent(own_space)
+        buf, begin, runs, nearby, kept = around
         every = np.ones(channels, np.bool_)
         reach2 = packed.dtype.type(1.0 / (k[_HALF_OVER_H] * k[_HALF_OVER_H]))
         for turn in range(share(integers)):
@@ -133,8 +132,7 @@ def _pass(
             cx, cy, z0, z1, centre = place
             fill((packed, column, start), _LAYOUT, ANY_IMAGE, integers, cell, place, runs, buf, begin)
             if any_marked(near, integers, place):
-                gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, every, side_s)
-                gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, every, side_d)
+                gather_particle_sides(signed, inside, start, integers, place, panels, runs, every, sides)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
@@ -144,19 +142,18 @@ def _pass(
                 n, looks = keep_nearby(buf, _ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
                 walled = near[c]
                 if walled:
-                    for channel in range(channels):
-                        keep_same(side_s, channel, kept, looks, orders, nearby_s)
-                        keep_same(side_d, channel, kept, looks, orders, nearby_d)
-                    count_sides(nearby_s, n, every, below, above)
+                    keep_sides(sides, kept, looks, n, orders, every, nearby_sides)
                 for i in range(start[c], start[c + 1]):
                     seen = nearby[_WEIGHT]
                     if walled:
                         s_a, d_a = signed[:, i], inside[:, i]
-                        seen = hide(seen, s_a, d_a, nearby_s, nearby_d, below, above, n, weight)
+                        near_s, near_d, below, above = nearby_sides
+                        seen = hide(seen, s_a, d_a, near_s, near_d, below, above, n, weight[0])
                     if of_stress:
                         _divergence(packed, offset, i, nearby, seen, n, k, out)
                     else:
                         _stress(packed, offset, i, k[_RHO0] + density[i], nearby, seen, n, k, out)
+        held(own_space)
         restore_mode(mode)
 
 

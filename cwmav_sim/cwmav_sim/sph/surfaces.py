@@ -76,8 +76,7 @@ class Sides:
 
     def in_storage_order(self, panels: int, order: IntArray) -> Sides:
         """Return the sides of the walls themselves, put from cell order under the numbers ``order``."""
-        n, dtype = len(order), self.signed.dtype
-        out = Sides.room(panels, n, dtype)
+        out = Sides.empty(panels, len(order), self.signed.dtype)
         _in_storage_order(self.signed, self.inside, self.normal, order, out.signed, out.inside, out.normal)
         return out
 
@@ -96,8 +95,10 @@ class Surfaces:
         Wall elements.
     element_sides : Sides
         Where the elements lie with respect to the other walls.
-    near : ndarray, shape (cells,), bool
-        Cells that have elements around them.
+    near : ndarray, shape (channels, cells), bool
+        Cells that have elements of a wall around them.
+    near_any : ndarray, shape (cells,), bool
+        The same of all walls.
     particle_sides : Sides
         Where the particles lie, in cell order.
     """
@@ -105,6 +106,7 @@ class Surfaces:
     elements: PackedPoints
     element_sides: Sides
     near: NDArray[np.bool_]
+    near_any: NDArray[np.bool_]
     particle_sides: Sides
 
 
@@ -135,7 +137,7 @@ def locate_surfaces(
     probe = quadrature.probe
     values = (placed.normal[probe], placed.inward[probe], quadrature.depth[probe])  # type: ignore[assignment]
     probes = _pack(placed.x[probe], quadrature.panel[probe], values, panels, grid, dtype)
-    near = np.empty(grid.cells, np.bool_)
+    near = np.empty((channels, grid.cells), np.bool_)
     visibility.mark_near(elements.start, grid.integers, near)
     cell = grid.cell.astype(dtype)
     room = buffer_room(probes.start, grid.integers)
@@ -164,7 +166,7 @@ def locate_surfaces(
     for panel in range(panels):
         locate(elements.rows, elements.column, elements.start[panel], panel, element_sides)
     element_sides.signed[np.abs(element_sides.signed) < ON_WALL * grid.cell[0]] = 0.0
-    return Surfaces(elements, element_sides, near, particle_sides)
+    return Surfaces(elements, element_sides, near, near.any(axis=0), particle_sides)
 
 
 def _pack(
@@ -211,9 +213,10 @@ def _in_storage_order(
 ) -> None:
     zero = signed.dtype.type(0.0)
     for j in nb.prange(order.shape[0]):
-        i = order[j]
         for c in range(signed_out.shape[0]):
+            if signed[c, j] == zero and inside[c, j] == zero:
+                continue
+            i = order[j]
             signed_out[c, i], inside_out[c, i] = signed[c, j], inside[c, j]
-            known = signed[c, j] != zero or inside[c, j] != zero
             for q in range(3):
-                normal_out[c, q, i] = normal[c, q, j] if known else zero
+                normal_out[c, q, i] = normal[c, q, j]

@@ -9,6 +9,31 @@ from __future__ import annotations
 
 import math
 
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+_PARTS = 64  # that a search is cut into
+
+
+def largest_length(vectors: NDArray[np.float64]) -> float:
+    """Return the length of the longest of ``vectors``, shape (n, 3); NaN if any is undefined."""
+    return math.sqrt(float(np.max(_largest_squares(vectors), initial=0.0)))
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def _largest_squares(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    n = len(vectors)
+    out = np.zeros(_PARTS)
+    for part in nb.prange(_PARTS):
+        most, undefined = 0.0, False
+        for i in range(part * n // _PARTS, (part + 1) * n // _PARTS):
+            square = vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2
+            most = max(most, square)
+            undefined |= np.isnan(square)
+        out[part] = np.nan if undefined else most
+    return out
+
 
 def stable_step(
     cfl: float, h: float, signal_speed: float, acceleration: float, viscosity: float = 0.0

@@ -41,24 +41,33 @@ PROBE_ROWS = 10
 
 @nb.njit(cache=True)
 def mark_near(start, integers, near):
-    """Mark the cells with points of any set ``start``, shape (p, cells + 1), within reach."""
+    """Mark, channel by channel, the cells with points of a wall or of its mirror image within reach.
+
+    Parameters
+    ----------
+    start : ndarray, shape (panels, cells + 1), int
+        First place of every cell, panel by panel.
+    integers : ndarray
+        Grid integers.
+    near : ndarray, shape (channels, cells), bool
+        Filled; channels beyond the panels are mirror images.
+    """
     nx, ny, nz, mirrored, reach_y = integers[0], integers[1], integers[2], integers[3], integers[4]
+    panels = start.shape[0]
     near[:] = False
-    for p in range(start.shape[0]):
+    for p in range(panels):
         for c in range(nx * ny * nz):
             if start[p, c + 1] == start[p, c]:
                 continue
             cx, cy, cz = c % nx, (c // nx) % ny, c // (nx * ny)
             for dz in range(-REACH, REACH + 1):
                 for dy in range(-reach_y, reach_y + 1):
-                    ky = cy + dy
-                    if mirrored:
-                        ky = -1 - ky if ky < 0 else (2 * ny - 1 - ky if ky >= ny else ky)
-                    else:
-                        ky %= ny
-                    row = (((cz + dz) % nz) * ny + ky) * nx
+                    ky, channel = cy + dy, p
+                    if mirrored and (ky < 0 or ky >= ny):
+                        ky, channel = (-1 - ky if ky < 0 else 2 * ny - 1 - ky), p + panels
+                    row = (((cz + dz) % nz) * ny + ky % ny) * nx
                     for dx in range(-REACH, REACH + 1):
-                        near[row + (cx + dx) % nx] = True
+                        near[channel, row + (cx + dx) % nx] = True
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -92,7 +101,7 @@ def locate(
         Length of the largest buffer of probes.
     integers, cell : ndarray
         Grid integers and cell extent.
-    near : ndarray, shape (cells,), bool
+    near : ndarray, shape (channels, cells), bool
         Cells to look at.
     signed, inside : ndarray, shape (channels, n)
         Filled with s and d [m]; a zero s means far away. Channels beyond the panels are mirror images.
@@ -115,7 +124,7 @@ def locate(
                 close = False
                 for cz in range(z0, z1):
                     c = (cz * ny + cy) * nx + cx
-                    close |= near[c] and start[c + 1] > start[c]
+                    close |= near[channel, c] and start[c + 1] > start[c]
                     for i in range(start[c], start[c + 1]):
                         signed[channel, i] = zero
                         inside[channel, i] = zero

@@ -38,10 +38,10 @@ from cwmav_sim.sph.gather import (
     dealt,
     fill,
     share,
-    slab_space,
     stretch,
 )
-from cwmav_sim.sph.nearby import box_around, keep_nearby, nearby_space
+from cwmav_sim.sph.lending import held, lent
+from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, WORK_ROWS, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import hide
@@ -83,6 +83,7 @@ def walled_pass(
     signed,
     inside,
     near,
+    near_any,
     elements,
     element_column,
     element_start,
@@ -105,8 +106,8 @@ def walled_pass(
         False switches the density diffusion off for particles that see a wall.
     signed, inside : ndarray, shape (channels, n)
         Wall distances of the particles; channels beyond the panels are mirror images of the panels.
-    near : ndarray, shape (cells,), bool
-        Cells that have wall elements around them.
+    near, near_any : ndarray, shape (channels, cells) and (cells,), bool
+        Cells that have elements of a wall around them, and of any wall.
     elements, element_column, element_start, element_room : ndarray, int
         Packed elements sorted by panel and cell, columns, first places, shape (p, cells + 1), buffer length.
     element_signed, element_inside : ndarray, shape (channels, m)
@@ -124,17 +125,19 @@ def walled_pass(
     channels, panels = signed.shape[0], element_start.shape[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        work = aligned_rows(WORK_ROWS, room, fluid)
         reach2 = support2(k)
-        buf = aligned_rows(FLUID_ROWS, room, fluid)
-        begin, runs = slab_space()
-        nearby, kept = nearby_space(FLUID_ROWS, room, fluid)
-        sides, nearby_sides = side_space(channels, room, fluid), side_space(channels, room, fluid)
-        walls = wall_space(channels, element_room, fluid)
-        nearby_walls = wall_space(channels, element_room, fluid)
-        weight, area = aligned_rows(1, room, fluid)[0], aligned_rows(1, element_room, fluid)[0]
-        load = np.zeros(LOAD_SIZE)
-        around = np.zeros(channels, np.bool_)
+        own_space = (
+            space(FLUID_ROWS, room, fluid),
+            (side_space(channels, room, fluid), side_space(channels, room, fluid)),
+            (wall_space(channels, element_room, fluid), wall_space(channels, element_room, fluid)),
+            aligned_rows(WORK_ROWS, room, fluid),
+            (aligned_rows(1, room, fluid), aligned_rows(1, element_room, fluid)),
+            (np.zeros(LOAD_SIZE), np.zeros(channels, np.bool_)),
+        )
+        flow, (sides, nearby_sides), (walls, nearby_walls), work, (weight, area), others = lent(own_space)
+        buf, begin, runs, nearby, kept = flow
+        load, around = others
+        signed_a, inside_a, own_loads = lent((signed, inside, loads[chunk]))
         packed = (elements, element_column, element_start)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
@@ -143,10 +146,10 @@ def walled_pass(
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            close = any_marked(near, integers, place)
+            close = any_marked(near_any, integers, place)
             if close:
                 beside = (element_signed, element_inside)
-                gather_walls(packed, beside, integers, cell, place, runs, around, walls)
+                gather_walls(packed, beside, near, integers, cell, place, runs, around, walls)
                 gather_particle_sides(signed, inside, start, integers, place, panels, runs, around, sides)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
@@ -155,7 +158,7 @@ def walled_pass(
                 offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(fluid, start[c], start[c + 1], offset)
                 n, looks = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
-                if not near[c]:
+                if not near_any[c]:
                     for i in range(start[c], start[c + 1]):
                         a = read_particle(fluid, offset, i)
                         own = own_factors(scale, a[6], True, k)
@@ -166,7 +169,7 @@ def walled_pass(
                 keep_walls(walls, cz - z0, box, reach2, orders, around, nearby_walls)
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
-                    s_a, d_a = signed[:, i], inside[:, i]
+                    s_a, d_a = signed_a[:, i], inside_a[:, i]
                     seen = hide(
                         nearby[VOLUME],
                         s_a,
@@ -176,7 +179,7 @@ def walled_pass(
                         nearby_sides.below,
                         nearby_sides.above,
                         n,
-                        weight,
+                        weight[0],
                     )
                     number_a = order[i]
                     own = own_factors(scale, a[6], keep_diffusion, k)
@@ -201,7 +204,7 @@ def walled_pass(
                             nearby_walls.below[channel],
                             nearby_walls.above[channel],
                             n_wall,
-                            area,
+                            area[0],
                         )
                         if reactions is None:
                             sums_wall = sum_wall(a, s_a[channel], rows, faced, n_wall, wall_k, None)
@@ -215,7 +218,8 @@ def walled_pass(
                         if channel >= panels:  # the load on an image is the mirror of one on the wall itself
                             for q in (1, 4, 8, 10):
                                 load[q] = -load[q]
-                        loads[chunk, channel % panels] += load
+                        for q in range(LOAD_SIZE):
+                            own_loads[channel % panels, q] += load[q]
                 if reactions is not None:
                     add_reactions(nearby_walls, around, walls)
             if close and reactions is not None:
@@ -232,4 +236,5 @@ def walled_pass(
                             runs,
                             reactions[chunk],
                         )
+        held(own_space)
         restore_mode(mode)
