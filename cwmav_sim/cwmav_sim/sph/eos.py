@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,6 +40,22 @@ class Tait:
 
     def pressure(self, rho: FloatArray) -> FloatArray:
         """Return the pressure [Pa] with background at densities ``rho`` [kg/m3]."""
-        return np.asarray(
-            self.stiffness * ((rho / self.density) ** self.gamma - 1.0) + self.background, dtype=np.float64
-        )
+        rho = np.asarray(rho, dtype=np.float64)
+        out = np.empty(rho.shape)
+        _pressure(rho.ravel(), self.density, self.stiffness, self.gamma, self.background, out.ravel())
+        return out
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def _pressure(
+    rho: FloatArray, density: float, stiffness: float, gamma: float, background: float, out: FloatArray
+) -> None:
+    seventh = gamma == 7.0
+    for i in nb.prange(len(rho)):
+        ratio = rho[i] / density
+        if seventh:  # the usual exponent, ten times faster by products
+            square = ratio * ratio
+            power = square * square * square * ratio
+        else:
+            power = ratio**gamma
+        out[i] = stiffness * (power - 1.0) + background

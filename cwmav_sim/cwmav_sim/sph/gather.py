@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import numba as nb
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from cwmav_sim.sph.blocks import BLOCK, add_block, scaled_block
 
@@ -239,9 +238,10 @@ def any_marked(cells, integers, place):
 def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:
     """Return a buffer length that holds the surroundings of any stretch, padding included.
 
-    No stretch has more around it than lies in the columns of cells around its own. Room is asked for in
-    every pass, and memory that is never looked at costs time too. The length is an odd number of blocks: rows
-    of a power of two would all fall into the same places of the cache.
+    No stretch has more around it than lies in the columns of cells around its own, or twice that where it
+    reaches around the box. Room is asked for in every pass, and memory that is never looked at costs time
+    too. The length is an odd number of blocks: rows of a power of two would all fall into the same places of
+    the cache.
 
     Parameters
     ----------
@@ -250,10 +250,29 @@ def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:
     integers : ndarray
         Grid integers.
     """
-    nx, ny, nz, mirrored, reach_y = (int(value) for value in integers)
-    columns = np.diff(start, axis=-1).reshape(-1, nz, ny, nx).sum(axis=1)
-    columns = np.pad(columns, ((0, 0), (0, 0), (REACH, REACH)), mode="wrap")
-    columns = np.pad(columns, ((0, 0), (reach_y, reach_y), (0, 0)), mode="symmetric" if mirrored else "wrap")
-    around = sliding_window_view(columns, (2 * reach_y + 1, 2 * REACH + 1), axis=(1, 2))
-    entries = int(around.sum(axis=(3, 4)).max(initial=0)) + PADDING + BLOCK
+    entries = _fullest(np.atleast_2d(start), integers) + PADDING + BLOCK
     return (-(-entries // BLOCK) | 1) * BLOCK
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _fullest(start, integers):
+    nx, ny, nz, mirrored, reach_y = integers[0], integers[1], integers[2], integers[3], integers[4]
+    columns = np.empty((ny, nx), np.int64)
+    most = 0
+    for points in range(start.shape[0]):
+        columns[:] = 0
+        for row in range(ny * nz):
+            for cx in range(nx):
+                columns[row % ny, cx] += start[points, row * nx + cx + 1] - start[points, row * nx + cx]
+        for cy in range(ny):
+            for cx in range(nx):
+                around = 0
+                for dy in range(-reach_y, reach_y + 1):
+                    ky = cy + dy
+                    if mirrored:
+                        ky = -1 - ky if ky < 0 else (2 * ny - 1 - ky if ky >= ny else ky)
+                    for dx in range(-REACH, REACH + 1):
+                        around += columns[ky % ny, (cx + dx) % nx]
+                most = max(most, around)
+    slabs = -(-nz // _parts(integers)) + 2 * REACH
+    return most * -(-slabs // nz)

@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+_PARTS = 64  # that the sum is cut into, whatever the number of threads
+
 
 @nb.njit(cache=True)
 def _shape(share: float) -> float:
     return math.sin(math.pi * share) ** 2 if 0.0 < share < 1.0 else 0.0
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, parallel=True, error_model="numpy")
 def relax(
     x: FloatArray,
     v: FloatArray,
@@ -58,18 +60,19 @@ def relax(
     ndarray, shape (3,)
         Sum of the velocity changes [m/s]; times the particle mass, the impulse given to the air.
     """
-    change = np.zeros(3)
-    for i in range(x.shape[0]):
-        shape = _shape((x[i, 0] - begin) / width)
-        if around[1] > 0.0:
-            height = x[i, 2] - around[0] + 0.5 * width
-            shape = max(shape, _shape((height - around[1] * math.floor(height / around[1])) / width))
-        if shape == 0.0:
-            continue
-        keep = math.exp(-rate * shape * dt)
-        for q in range(3):
-            delta = (1.0 - keep) * (stream[q] - v[i, q])
-            v[i, q] += delta
-            change[q] += delta
-        rho[i] = rho0 + keep * (rho[i] - rho0)
-    return change
+    n, parts = x.shape[0], np.zeros((_PARTS, 3))
+    for part in nb.prange(_PARTS):
+        for i in range(part * n // _PARTS, (part + 1) * n // _PARTS):
+            shape = _shape((x[i, 0] - begin) / width)
+            if around[1] > 0.0:
+                height = x[i, 2] - around[0] + 0.5 * width
+                shape = max(shape, _shape((height - around[1] * math.floor(height / around[1])) / width))
+            if shape == 0.0:
+                continue
+            keep = math.exp(-rate * shape * dt)
+            for q in range(3):
+                delta = (1.0 - keep) * (stream[q] - v[i, q])
+                v[i, q] += delta
+                parts[part, q] += delta
+            rho[i] = rho0 + keep * (rho[i] - rho0)
+    return parts.sum(axis=0)
