@@ -207,7 +207,7 @@ def node_normals(x: FloatArray, triangles: IntArray) -> FloatArray:
 @compiled
 def _node_areas(x: FloatArray, triangles: IntArray) -> FloatArray:
     """Return the sums of twice the area vectors of the triangles around every node [m2], shape (n, 3)."""
-    out = np.zeros_like(x)
+    out = np.zeros((len(x), 3))
     for m in range(len(triangles)):
         a, b, c = row(x, triangles[m, 0]), row(x, triangles[m, 1]), row(x, triangles[m, 2])
         area = across(minus(b, a), minus(c, a))

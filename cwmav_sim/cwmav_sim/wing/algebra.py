@@ -31,19 +31,25 @@ def compiled(function: _Function) -> _Function:
     return out
 
 
-@compiled
+def inlined(function: _Function) -> _Function:
+    """Compile a small function into its callers, because a call would take longer than what it does."""
+    out: _Function = numba.njit(cache=True, error_model="numpy", forceinline=True)(function)
+    return out
+
+
+@inlined
 def row(a: FloatArray, i: int) -> Vector:
     """Return row ``i`` of a field of vectors (n, 3)."""
     return a[i, 0], a[i, 1], a[i, 2]
 
 
-@compiled
+@inlined
 def put(a: FloatArray, i: int, vector: Vector) -> None:
     """Write a vector to row ``i`` of a field (n, 3)."""
     a[i, 0], a[i, 1], a[i, 2] = vector
 
 
-@compiled
+@inlined
 def put_sum(a: FloatArray, i: int, vector: Vector) -> None:
     """Add a vector to row ``i`` of a field (n, 3)."""
     a[i, 0] += vector[0]
@@ -51,7 +57,7 @@ def put_sum(a: FloatArray, i: int, vector: Vector) -> None:
     a[i, 2] += vector[2]
 
 
-@compiled
+@inlined
 def matrix(a: FloatArray, i: int) -> Matrix:
     """Return matrix ``i`` of a stack (n, 3, 3)."""
     return (
@@ -61,7 +67,7 @@ def matrix(a: FloatArray, i: int) -> Matrix:
     )
 
 
-@compiled
+@inlined
 def put_matrix(a: FloatArray, i: int, m: Matrix) -> None:
     """Write a matrix to place ``i`` of a stack (n, 3, 3)."""
     a[i, 0, 0], a[i, 0, 1], a[i, 0, 2] = m[0]
@@ -69,55 +75,55 @@ def put_matrix(a: FloatArray, i: int, m: Matrix) -> None:
     a[i, 2, 0], a[i, 2, 1], a[i, 2, 2] = m[2]
 
 
-@compiled
+@inlined
 def unit(axis: int) -> Vector:
     """Return the unit vector along an axis."""
     return 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0
 
 
-@compiled
+@inlined
 def plus(a: Vector, b: Vector) -> Vector:
     """Return ``a + b``."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@compiled
+@inlined
 def minus(a: Vector, b: Vector) -> Vector:
     """Return ``a - b``."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@compiled
+@inlined
 def times(factor: float, a: Vector) -> Vector:
     """Return ``factor a``."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@compiled
+@inlined
 def each(a: Vector, b: Vector) -> Vector:
     """Return the products of the components."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
-@compiled
+@inlined
 def dot(a: Vector, b: Vector) -> float:
     """Return ``a . b``."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@inlined
 def across(a: Vector, b: Vector) -> Vector:
     """Return ``a x b``."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@inlined
 def turned(r: Matrix, a: Vector) -> Vector:
     """Return ``r a``."""
     return dot(r[0], a), dot(r[1], a), dot(r[2], a)
 
 
-@compiled
+@inlined
 def turned_back(r: Matrix, a: Vector) -> Vector:
     """Return ``r' a``."""
     return (
@@ -127,19 +133,19 @@ def turned_back(r: Matrix, a: Vector) -> Vector:
     )
 
 
-@compiled
+@inlined
 def product(a: Matrix, b: Matrix) -> Matrix:
     """Return ``a b``."""
     return turned_back(b, a[0]), turned_back(b, a[1]), turned_back(b, a[2])
 
 
-@compiled
+@inlined
 def transposed(a: Matrix) -> Matrix:
     """Return ``a'``."""
     return (a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2])
 
 
-@compiled
+@inlined
 def rotation_by(vector: Vector) -> Matrix:
     """Return the rotation by the angle ``|vector|`` [rad] about ``vector`` (Rodrigues)."""
     square = dot(vector, vector)
@@ -157,7 +163,7 @@ def rotation_by(vector: Vector) -> Matrix:
     )
 
 
-@compiled
+@inlined
 def vector_of(r: Matrix) -> Vector:
     """Return the rotation vector of ``r``, for angles below pi."""
     axis = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
@@ -166,7 +172,7 @@ def vector_of(r: Matrix) -> Vector:
     return times(0.5 + angle * angle / 12.0 if angle < _SMALL else 0.5 * angle / sine, axis)
 
 
-@compiled
+@inlined
 def joined(vector: Vector, change: Vector) -> Vector:
     """Return the rotation vector of ``exp(change) exp(vector)`` to first order in ``change``.
 
@@ -176,7 +182,7 @@ def joined(vector: Vector, change: Vector) -> Vector:
     return plus(minus(plus(vector, change), times(0.5, once)), times(1.0 / 12.0, across(vector, once)))
 
 
-@compiled
+@inlined
 def straightened(r: Matrix) -> Matrix:
     """Return ``r`` with rounding drift removed by one Newton step of the polar decomposition."""
     gram = product(transposed(r), r)

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from cwmav_sim.wing.algebra import Vector, compiled, matrix, minus, put, row, turned
+from cwmav_sim.wing.algebra import Vector, compiled, inlined, matrix, minus, put, row, turned
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -146,7 +146,7 @@ def _factorise(blocks: FloatArray, starts: IntArray, diagonal: IntArray, columns
     return True
 
 
-@compiled
+@inlined
 def _subtract_product(blocks: FloatArray, target: int, left: tuple[Vector, Vector, Vector], q: int) -> None:
     for c in range(3):
         first, second, third = blocks[q, 0, c], blocks[q, 1, c], blocks[q, 2, c]
@@ -154,7 +154,7 @@ def _subtract_product(blocks: FloatArray, target: int, left: tuple[Vector, Vecto
             blocks[target, r, c] -= left[r][0] * first + left[r][1] * second + left[r][2] * third
 
 
-@compiled
+@inlined
 def _factorise_block(blocks: FloatArray, p: int) -> bool:
     """Factorise one diagonal block."""
     b = blocks[p]
@@ -168,7 +168,7 @@ def _factorise_block(blocks: FloatArray, p: int) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _divide_by_upper(blocks: FloatArray, p: int, d: int) -> None:
     """Multiply block ``p`` from the right by the inverse of the upper triangle of block ``d``."""
     b, u = blocks[p], blocks[d]
@@ -178,7 +178,7 @@ def _divide_by_upper(blocks: FloatArray, p: int, d: int) -> None:
         b[r, 2] = (b[r, 2] - b[r, 0] * u[0, 2] - b[r, 1] * u[1, 2]) / u[2, 2]
 
 
-@compiled
+@inlined
 def _divide_by_lower(blocks: FloatArray, p: int, d: int) -> None:
     """Multiply block ``p`` from the left by the inverse of the unit lower triangle of block ``d``."""
     b, low = blocks[p], blocks[d]

@@ -92,7 +92,7 @@ class CarriedAir:
 @compiled
 def _resistance(blocks: FloatArray, dofs: IntArray, rates: FloatArray) -> FloatArray:
     """Return minus the blocks (m, d, d) times the rates of their unknowns, summed over the blocks."""
-    out = np.zeros_like(rates)
+    out = np.zeros(len(rates))
     for m in range(dofs.shape[0]):
         for i in range(dofs.shape[1]):
             for j in range(dofs.shape[1]):

@@ -15,6 +15,7 @@ from cwmav_sim.wing.algebra import (
     compiled,
     dot,
     each,
+    inlined,
     matrix,
     minus,
     plus,
@@ -87,7 +88,7 @@ class _Shape(NamedTuple):
     axis: Vector
 
 
-@compiled
+@inlined
 def _mean(field: FloatArray, end: Ends, m: int) -> Vector:
     """Position or velocity of an end."""
     out = (0.0, 0.0, 0.0)
@@ -96,7 +97,7 @@ def _mean(field: FloatArray, end: Ends, m: int) -> Vector:
     return out
 
 
-@compiled
+@inlined
 def _shape(x: FloatArray, turn: FloatArray, one: Ends, two: Ends, m: int) -> _Shape:
     turn1, turn2 = matrix(turn, one.body[m]), matrix(turn, two.body[m])
     arm1, arm2 = turned(turn1, row(one.arm, m)), turned(turn2, row(two.arm, m))
@@ -112,20 +113,20 @@ def _shape(x: FloatArray, turn: FloatArray, one: Ends, two: Ends, m: int) -> _Sh
     return _Shape(arm1, arm2, d, middle, psi, turned(middle, psi), tau, swell, axis)
 
 
-@compiled
+@inlined
 def _swollen(s: _Shape, a: Vector) -> Vector:
     """S a."""
     return plus(times(s.swell, a), times((1.0 - s.swell) * dot(s.axis, a), s.axis))
 
 
-@compiled
+@inlined
 def _middle_spin(s: _Shape, spin1: Vector, spin2: Vector) -> Vector:
     """Angular velocity of the middle triad."""
     lag = times(0.5 * s.tau, across(s.p, minus(spin2, spin1)))
     return minus(times(0.5, plus(spin1, spin2)), lag)
 
 
-@compiled
+@inlined
 def _strain_rates(
     v: FloatArray, spin: FloatArray, one: Ends, two: Ends, m: int, s: _Shape
 ) -> tuple[Vector, Vector]:
@@ -136,7 +137,7 @@ def _strain_rates(
     return stretch, _swollen(s, turned_back(s.middle, minus(spin2, spin1)))
 
 
-@compiled
+@inlined
 def _resultants(
     v: FloatArray,
     spin: FloatArray,
@@ -155,7 +156,7 @@ def _resultants(
     return each(row(stiffness.translation, m), stretch), each(row(stiffness.rotation, m), bend)
 
 
-@compiled
+@inlined
 def _spread(
     out: FloatArray, m: int, one: Ends, two: Ends, loads: tuple[Vector, Vector, Vector]
 ) -> None:
@@ -267,14 +268,21 @@ def connector_tangent(
         for j in range(3):
             _spread(column, m, one, two, _response(s, present, unit(j), still, still))
             for k in range(width1):
-                out[m, :, :, k, j] = -one.weights[m, k] * column
+                _put_column(out, m, k, j, -one.weights[m, k], column)
             for k in range(width2):
-                out[m, :, :, width1 + 1 + k, j] = two.weights[m, k] * column
+                _put_column(out, m, width1 + 1 + k, j, two.weights[m, k], column)
             _spread(column, m, one, two, _response(s, present, still, unit(j), still))
-            out[m, :, :, width1, j] = column
+            _put_column(out, m, width1, j, 1.0, column)
             _spread(column, m, one, two, _response(s, present, still, still, unit(j)))
-            out[m, :, :, rows - 1, j] = column
+            _put_column(out, m, rows - 1, j, 1.0, column)
     return out
+
+
+@compiled
+def _put_column(out: FloatArray, m: int, k: int, j: int, factor: float, column: FloatArray) -> None:
+    for r in range(len(column)):
+        for i in range(3):
+            out[m, r, i, k, j] = factor * column[r, i]
 
 
 @compiled

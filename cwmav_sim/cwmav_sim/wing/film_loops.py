@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cwmav_sim.wing.algebra import Vector, compiled, dot, plus, put, row, times
+from cwmav_sim.wing.algebra import Vector, compiled, dot, inlined, plus, put, row, times
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -41,7 +41,7 @@ class Triangles(NamedTuple):
 _Slope = tuple[Vector, Vector]  # derivative of a field along both directions of the reference plane
 
 
-@compiled
+@inlined
 def _slope(field: FloatArray, film: Triangles, m: int) -> _Slope:
     """Derivative of positions (F) or velocities within a triangle, by its two columns."""
     first = second = (0.0, 0.0, 0.0)
@@ -52,19 +52,19 @@ def _slope(field: FloatArray, film: Triangles, m: int) -> _Slope:
     return first, second
 
 
-@compiled
+@inlined
 def _strain(f: _Slope) -> Vector:
     """E = (F'F - I)/2."""
     return 0.5 * (dot(f[0], f[0]) - 1.0), 0.5 * (dot(f[1], f[1]) - 1.0), dot(f[0], f[1])
 
 
-@compiled
+@inlined
 def _strain_rate(f: _Slope, flow: _Slope) -> Vector:
     """Derivative of the strain where F changes at the rate ``flow``."""
     return dot(f[0], flow[0]), dot(f[1], flow[1]), dot(f[0], flow[1]) + dot(f[1], flow[0])
 
 
-@compiled
+@inlined
 def _stressing(v: FloatArray, film: Triangles, m: int, f: _Slope) -> Vector:
     """Stresses, elastic and viscous, times the volume [N m]."""
     strain = _strain(f)
@@ -73,13 +73,13 @@ def _stressing(v: FloatArray, film: Triangles, m: int, f: _Slope) -> Vector:
     return times(film.volume[m], _law(film, strain))
 
 
-@compiled
+@inlined
 def _law(film: Triangles, strain: Vector) -> Vector:
     law = film.law
     return dot(row(law, 0), strain), dot(row(law, 1), strain), dot(row(law, 2), strain)
 
 
-@compiled
+@inlined
 def _pull(f: _Slope, one: float, two: float, stress: Vector) -> Vector:
     """F S G of a corner whose shape function has the gradient (one, two)."""
     along = times(one * stress[0] + two * stress[2], f[0])
@@ -134,7 +134,7 @@ def film_tangent(
     return out
 
 
-@compiled
+@inlined
 def _variation(f: _Slope, one: float, two: float, axis: int) -> Vector:
     """Change of the strain where a corner of gradient (one, two) moves by one along an axis."""
     first, second = f[0][axis], f[1][axis]

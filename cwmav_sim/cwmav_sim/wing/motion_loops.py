@@ -57,7 +57,7 @@ def inertial_forces(
     mass: FloatArray, rotary: FloatArray, turn: FloatArray, spin: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
     """Return the rates of change of momentum and of angular momentum, shape (n + k, 3)."""
-    out = np.empty_like(acceleration)
+    out = np.empty((len(mass) + len(turn), 3))
     n = len(mass)
     for i in range(n):
         put(out, i, times(mass[i], row(acceleration, i)))
@@ -111,7 +111,7 @@ def drag_powers(
 @compiled
 def displaced(x: FloatArray, turn: FloatArray, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return positions and rotations after displacements and rotation vectors (n + k, 3)."""
-    x1, turn1, n = np.empty_like(x), np.empty_like(turn), len(x)
+    x1, turn1, n = np.empty((len(x), 3)), np.empty((len(turn), 3, 3)), len(x)
     for i in range(n):
         put(x1, i, plus(row(x, i), row(moved, i)))
     for k in range(len(turn)):
@@ -125,7 +125,7 @@ def further(moved: FloatArray, change: FloatArray, free: IntArray, nodes: int) -
 
     Displacements add up; rotation vectors compound.
     """
-    out = np.zeros_like(moved)
+    out = np.zeros((len(moved), 3))
     for f in range(len(free)):
         i, d = free[f], row(change, f)
         put(out, i, d if i < nodes else minus(joined(row(moved, i), d), row(moved, i)))
