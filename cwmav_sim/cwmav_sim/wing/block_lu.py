@@ -82,9 +82,8 @@ class BlockLU:
         RuntimeError
             The matrix is singular, or not finite.
         """
-        blocks = np.zeros(9 * len(self.columns))
-        blocks[self._place] = stored.data
-        blocks = blocks.reshape(-1, 3, 3)
+        blocks = np.zeros((len(self.columns), 3, 3))
+        blocks.reshape(-1)[self._place] = stored.data
         if not _factorise(blocks, self.starts, self.diagonal, self.columns):
             raise RuntimeError("the matrix is singular")
         return Factors(self, blocks)
@@ -111,8 +110,8 @@ def _filled(graph: sp.csc_matrix, order: IntArray, place: IntArray) -> tuple[Int
     """
     later: list[set[int]] = [set() for _ in order]
     for number, at in enumerate(order):
-        near = place[graph.indices[graph.indptr[at] : graph.indptr[at + 1]]]
-        later[number].update(near[near > number].tolist())
+        beside = place[graph.indices[graph.indptr[at] : graph.indptr[at + 1]]]
+        later[number].update(beside[beside > number].tolist())
     for near in later:
         if near:
             first = min(near)

@@ -22,13 +22,12 @@ from __future__ import annotations
 import numpy as np
 
 from cwmav_sim.wing.connector_loops import (
-    Ends,
-    Stiffness,
     connector_dissipation,
     connector_energy,
     connector_forces,
     connector_tangent,
 )
+from cwmav_sim.wing.connector_shape import Ends, Stiffness
 from cwmav_sim.wing.dynamics import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 

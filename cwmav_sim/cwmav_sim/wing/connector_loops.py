@@ -3,163 +3,40 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from cwmav_sim.wing.algebra import (
-    Matrix,
     Vector,
     across,
     compiled,
     dot,
     each,
     inlined,
-    matrix,
     minus,
     plus,
-    product,
-    rotation_by,
     row,
     times,
-    transposed,
     turned,
     turned_back,
     unit,
-    vector_of,
 )
-from cwmav_sim.wing.sheet import FloatArray, IntArray
-
-_STRAIGHT = 1e-6  # relative angle [rad] below which tau and S have their limits
-
-
-class Ends(NamedTuple):
-    """One end of every connector.
-
-    Attributes
-    ----------
-    nodes, weights : ndarray, shape (m, w)
-        Position rows and weights whose sum is the end's position (a body: itself with weight 1).
-    body : ndarray, shape (m,)
-        Body that carries the triad.
-    arm : ndarray, shape (m, 3)
-        Offset of the attachment point in the body's material axes [m].
-    triad : ndarray, shape (m, 3, 3)
-        Triad in the body's material axes.
-    """
-
-    nodes: IntArray
-    weights: FloatArray
-    body: IntArray
-    arm: FloatArray
-    triad: FloatArray
-
-
-class Stiffness(NamedTuple):
-    """Constants of the connectors.
-
-    Attributes
-    ----------
-    translation : ndarray, shape (m, 3)
-        k_t [N/m] along the axes of the middle triad.
-    rotation : ndarray, shape (m, 3)
-        k_r [N m/rad] about them.
-    rest : ndarray, shape (m, 3)
-        Unstrained offset d0 of the ends in the triad [m].
-    """
-
-    translation: FloatArray
-    rotation: FloatArray
-    rest: FloatArray
-
-
-class _Shape(NamedTuple):
-    """Kinematics of one connector, in the letters of the equations; ``axis`` is psi's unit vector."""
-
-    arm1: Vector
-    arm2: Vector
-    d: Vector
-    middle: Matrix
-    psi: Vector
-    p: Vector
-    tau: float
-    swell: float  # the factor a of S
-    axis: Vector
+from cwmav_sim.wing.connector_shape import (
+    Ends,
+    Shape,
+    Stiffness,
+    middle_spin,
+    resultants,
+    shape_of,
+    strain_rates,
+    swollen,
+)
+from cwmav_sim.wing.sheet import FloatArray
 
 
 @inlined
-def _mean(field: FloatArray, end: Ends, m: int) -> Vector:
-    """Position or velocity of an end."""
-    out = (0.0, 0.0, 0.0)
-    for k in range(end.nodes.shape[1]):
-        out = plus(out, times(end.weights[m, k], row(field, end.nodes[m, k])))
-    return out
-
-
-@inlined
-def _shape(x: FloatArray, turn: FloatArray, one: Ends, two: Ends, m: int) -> _Shape:
-    turn1, turn2 = matrix(turn, one.body[m]), matrix(turn, two.body[m])
-    arm1, arm2 = turned(turn1, row(one.arm, m)), turned(turn2, row(two.arm, m))
-    d = minus(minus(plus(_mean(x, two, m), arm2), _mean(x, one, m)), arm1)
-    r1, r2 = product(turn1, matrix(one.triad, m)), product(turn2, matrix(two.triad, m))
-    psi = vector_of(product(transposed(r1), r2))
-    angle = math.sqrt(dot(psi, psi))
-    tau, swell, axis = 0.25, 1.0, (0.0, 0.0, 0.0)
-    if angle >= _STRAIGHT:
-        tau, swell = math.tan(0.25 * angle) / angle, 0.5 * angle / math.sin(0.5 * angle)
-        axis = times(1.0 / angle, psi)
-    middle = product(r1, rotation_by(times(0.5, psi)))
-    return _Shape(arm1, arm2, d, middle, psi, turned(middle, psi), tau, swell, axis)
-
-
-@inlined
-def _swollen(s: _Shape, a: Vector) -> Vector:
-    """S a."""
-    return plus(times(s.swell, a), times((1.0 - s.swell) * dot(s.axis, a), s.axis))
-
-
-@inlined
-def _middle_spin(s: _Shape, spin1: Vector, spin2: Vector) -> Vector:
-    """Angular velocity of the middle triad."""
-    lag = times(0.5 * s.tau, across(s.p, minus(spin2, spin1)))
-    return minus(times(0.5, plus(spin1, spin2)), lag)
-
-
-@inlined
-def _strain_rates(
-    v: FloatArray, spin: FloatArray, one: Ends, two: Ends, m: int, s: _Shape
-) -> tuple[Vector, Vector]:
-    spin1, spin2 = row(spin, one.body[m]), row(spin, two.body[m])
-    flow = minus(_mean(v, two, m), _mean(v, one, m))
-    flow = plus(flow, minus(across(spin2, s.arm2), across(spin1, s.arm1)))
-    stretch = turned_back(s.middle, minus(flow, across(_middle_spin(s, spin1, spin2), s.d)))
-    return stretch, _swollen(s, turned_back(s.middle, minus(spin2, spin1)))
-
-
-@inlined
-def _resultants(
-    v: FloatArray,
-    spin: FloatArray,
-    one: Ends,
-    two: Ends,
-    stiffness: Stiffness,
-    viscosity: float,
-    m: int,
-    s: _Shape,
-) -> tuple[Vector, Vector]:
-    """Force and moment, elastic and viscous, in the middle triad."""
-    stretch, bend = minus(turned_back(s.middle, s.d), row(stiffness.rest, m)), s.psi
-    if viscosity > 0.0:
-        stretching, bending = _strain_rates(v, spin, one, two, m, s)
-        stretch, bend = plus(stretch, times(viscosity, stretching)), plus(bend, times(viscosity, bending))
-    return each(row(stiffness.translation, m), stretch), each(row(stiffness.rotation, m), bend)
-
-
-@inlined
-def _spread(
-    out: FloatArray, m: int, one: Ends, two: Ends, loads: tuple[Vector, Vector, Vector]
-) -> None:
+def _spread(out: FloatArray, m: int, one: Ends, two: Ends, loads: tuple[Vector, Vector, Vector]) -> None:
     """Write the force between the ends and the moments on both bodies to the rows of connector ``m``."""
     force, first, second = loads
     bodies1, bodies2 = one.nodes.shape[1], one.nodes.shape[1] + 1 + two.nodes.shape[1]
@@ -186,11 +63,11 @@ def connector_forces(
     """Return the forces and moments on both ends' nodes and bodies, shape (m, w1 + 1 + w2 + 1, 3)."""
     out = np.empty((len(one.body), one.nodes.shape[1] + two.nodes.shape[1] + 2, 3))
     for m in range(len(one.body)):
-        s = _shape(x, turn, one, two, m)
-        force, moment = _resultants(v, spin, one, two, stiffness, viscosity, m, s)
+        s = shape_of(x, turn, one, two, m)
+        force, moment = resultants(v, spin, one, two, stiffness, viscosity, m, s)
         n = turned(s.middle, force)
         h = across(n, s.d)
-        twist = minus(times(0.5 * s.tau, across(h, s.p)), turned(s.middle, _swollen(s, moment)))
+        twist = minus(times(0.5 * s.tau, across(h, s.p)), turned(s.middle, swollen(s, moment)))
         first = minus(plus(times(0.5, h), twist), across(s.arm1, n))
         second = plus(minus(times(0.5, h), twist), across(s.arm2, n))
         _spread(out[m], m, one, two, (n, first, second))
@@ -209,20 +86,20 @@ class _Present(NamedTuple):
 
 @compiled
 def _response(
-    s: _Shape, present: _Present, apart: Vector, w1: Vector, w2: Vector
+    s: Shape, present: _Present, apart: Vector, w1: Vector, w2: Vector
 ) -> tuple[Vector, Vector, Vector]:
     """Change of the force and of both moments where the ends part by ``apart`` and the bodies turn.
 
     The equations of the forces, differentiated term by term; ``d_tau`` and ``dS`` are left out.
     """
     n, delta = present.n, minus(w2, w1)
-    middle = _middle_spin(s, w1, w2)
+    middle = middle_spin(s, w1, w2)
     d_d = plus(apart, minus(across(w2, s.arm2), across(w1, s.arm1)))
     strain = each(present.translation, turned_back(s.middle, plus(d_d, across(s.d, middle))))
     d_n = minus(turned(s.middle, strain), across(n, middle))
     d_h = minus(across(n, d_d), across(s.d, d_n))
-    bend = _swollen(s, turned_back(s.middle, delta))
-    elastic = turned(s.middle, _swollen(s, each(present.rotation, bend)))
+    bend = swollen(s, turned_back(s.middle, delta))
+    elastic = turned(s.middle, swollen(s, each(present.rotation, bend)))
     d_moment = minus(elastic, across(present.moment, middle))
     d_p = minus(turned(s.middle, bend), across(s.p, middle))
     d_twist = times(0.5 * s.tau, minus(across(present.h, d_p), across(s.p, d_h)))
@@ -254,14 +131,14 @@ def connector_tangent(
     rows, gain, still = width1 + width2 + 2, 1.0 + viscosity * rate, (0.0, 0.0, 0.0)
     out, column = np.empty((len(one.body), rows, 3, rows, 3)), np.empty((rows, 3))
     for m in range(len(one.body)):
-        s = _shape(x, turn, one, two, m)
-        borne = _shape(stressed_x, stressed_turn, one, two, m)
-        force, moment = _resultants(stressed_v, stressed_spin, one, two, stiffness, viscosity, m, borne)
+        s = shape_of(x, turn, one, two, m)
+        borne = shape_of(stressed_x, stressed_turn, one, two, m)
+        force, moment = resultants(stressed_v, stressed_spin, one, two, stiffness, viscosity, m, borne)
         n = turned(s.middle, force)
         present = _Present(
             n,
             across(n, s.d),
-            turned(s.middle, _swollen(s, moment)),
+            turned(s.middle, swollen(s, moment)),
             times(gain, row(stiffness.translation, m)),
             times(gain, row(stiffness.rotation, m)),
         )
@@ -297,7 +174,7 @@ def connector_energy(x: FloatArray, turn: FloatArray, one: Ends, two: Ends, stif
     """Return the elastic energy [J]."""
     total = 0.0
     for m in range(len(one.body)):
-        s = _shape(x, turn, one, two, m)
+        s = shape_of(x, turn, one, two, m)
         stretch = minus(turned_back(s.middle, s.d), row(stiffness.rest, m))
         total += 0.5 * _doubled_energy(stiffness, m, stretch, s.psi)
     return total
@@ -317,6 +194,6 @@ def connector_dissipation(
     """Return the viscous power [W]."""
     total = 0.0
     for m in range(len(one.body)):
-        stretching, bending = _strain_rates(v, spin, one, two, m, _shape(x, turn, one, two, m))
+        stretching, bending = strain_rates(v, spin, one, two, m, shape_of(x, turn, one, two, m))
         total += viscosity * _doubled_energy(stiffness, m, stretching, bending)
     return total

@@ -138,10 +138,8 @@ class Impacts:
 
     def _impulses(self, c: Configuration, v: FloatArray, contacts: Contacts, step: float) -> FloatArray:
         """Nodal impulses of all contacts [N s], shape (n, 3)."""
-        select = _selection(contacts, len(v))
-        axes = _frames(contacts.normal)
-        speed = np.einsum("mki,mi->mk", axes, (select @ v.ravel()).reshape(-1, 3))
-        block = sp.block_diag(list(axes), format="csr") @ select
+        block = _relative(contacts, _frames(contacts.normal), len(v))
+        speed = (block @ v.ravel()).reshape(-1, 3)
         compliance = (block @ self._sheet.compliance(c) @ block.T).toarray()
         depth = np.maximum(self.law.distance - contacts.gap, 0.0)
         push = np.minimum(self.law.separation * depth / max(step, 1e-9), self.law.separation_speed)
@@ -197,14 +195,14 @@ def _against(side: _Side, x: FloatArray, distance: float, edge: float) -> Contac
     return Contacts(side.nodes[hit], side.triangles[triangle[hit]], shares[hit], normal[hit], gap[hit])
 
 
-def _selection(contacts: Contacts, count: int) -> sp.csr_matrix:
-    """Matrix (3 m, 3 n) that gives the velocity of each node relative to the triangle it touches."""
-    number = np.arange(len(contacts))
-    rows = np.concatenate([number, np.repeat(number, 3)])
-    columns = np.concatenate([contacts.node, contacts.corners.ravel()])
-    values = np.concatenate([np.ones(len(contacts)), -contacts.shares.ravel()])
-    scalar = sp.csr_matrix((values, (rows, columns)), shape=(len(contacts), count))
-    return sp.kron(scalar, sp.identity(3), format="csr")
+def _relative(contacts: Contacts, axes: FloatArray, count: int) -> sp.csr_matrix:
+    """Matrix (3 m, 3 n) that gives each node's velocity relative to its triangle, in axes (m, 3, 3)."""
+    nodes = np.column_stack([contacts.node, contacts.corners])
+    weights = np.column_stack([np.ones(len(contacts)), -contacts.shares])
+    values = axes[:, :, None, :] * weights[:, None, :, None]
+    columns = np.broadcast_to(3 * nodes[:, None, :, None] + np.arange(3), values.shape)
+    starts = np.arange(3 * len(contacts) + 1) * (values.size // (3 * len(contacts)))
+    return sp.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(3 * len(contacts), 3 * count))
 
 
 def _frames(normal: FloatArray) -> FloatArray:

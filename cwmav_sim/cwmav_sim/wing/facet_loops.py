@@ -69,9 +69,7 @@ def carried_load(carriers: Carriers, turn: FloatArray, forces: FloatArray, bodie
 
 
 @compiled
-def carried_inertia(
-    carriers: Carriers, turn: FloatArray, mass: FloatArray, normal: FloatArray
-) -> FloatArray:
+def carried_inertia(carriers: Carriers, turn: FloatArray, mass: FloatArray, normal: FloatArray) -> FloatArray:
     """Return the inertia along their normals that masses on the sheet nodes give each body, (k, 6, 6)."""
     out, along = np.zeros((len(turn), 6, 6)), np.empty(6)
     for q in range(len(carriers.nodes)):

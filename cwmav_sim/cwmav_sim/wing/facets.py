@@ -123,7 +123,8 @@ class FacetSheet:
         free[s.held_rows] = 0.0
         linear = np.eye(3) / s.inertia.mass[:, None, None]
         angular = np.einsum("kij,kj,klj->kil", c.turn, 1.0 / s.inertia.rotary, c.turn)
-        inverse = sp.block_diag(list(free[:, None, None] * np.concatenate([linear, angular])), format="csr")
+        blocks = free[:, None, None] * np.concatenate([linear, angular])
+        inverse = sp.bsr_matrix((blocks, np.arange(s.rows), np.arange(s.rows + 1)))
         return sp.csr_matrix(jacobian @ inverse @ jacobian.T)
 
     def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:

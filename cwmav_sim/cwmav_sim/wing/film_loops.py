@@ -43,7 +43,7 @@ _Slope = tuple[Vector, Vector]  # derivative of a field along both directions of
 
 @inlined
 def _slope(field: FloatArray, film: Triangles, m: int) -> _Slope:
-    """Derivative of positions (F) or velocities within a triangle, by its two columns."""
+    """Return the derivative of positions (F) or velocities within a triangle, by its two columns."""
     first = second = (0.0, 0.0, 0.0)
     for a in range(3):
         at = row(field, film.corners[m, a])
@@ -60,7 +60,7 @@ def _strain(f: _Slope) -> Vector:
 
 @inlined
 def _strain_rate(f: _Slope, flow: _Slope) -> Vector:
-    """Derivative of the strain where F changes at the rate ``flow``."""
+    """Return the derivative of the strain where F changes at the rate ``flow``."""
     return dot(f[0], flow[0]), dot(f[1], flow[1]), dot(f[0], flow[1]) + dot(f[1], flow[0])
 
 
@@ -127,9 +127,8 @@ def film_tangent(
                     force = _pull(f, own, other, stress)
                     for i in range(3):
                         out[m, 3 * b + i, 3 * a + j] = force[i]
-                    out[m, 3 * b + j, 3 * a + j] += (
-                        own * (present[0] * one + present[2] * two)
-                        + other * (present[2] * one + present[1] * two)
+                    out[m, 3 * b + j, 3 * a + j] += own * (present[0] * one + present[2] * two) + other * (
+                        present[2] * one + present[1] * two
                     )
     return out
 

@@ -22,11 +22,12 @@ import numpy as np
 
 from cwmav_common.errors import WorkError
 from cwmav_common.settings import setting
+from cwmav_sim.wing.account import account
 from cwmav_sim.wing.block_lu import Factors
 from cwmav_sim.wing.dynamics import Carrier, Configuration, Driven, Load, System
 from cwmav_sim.wing.motion import Counters, Energies, Motion
 from cwmav_sim.wing.motion_loops import displaced, further, largest, turned_rows
-from cwmav_sim.wing.rotation import exponential, logarithm, orthonormal, turn
+from cwmav_sim.wing.rotation import logarithm, orthonormal, turn
 from cwmav_sim.wing.sheet import FloatArray
 
 
@@ -293,51 +294,8 @@ class Integrator:
         ) / (1.0 - self._am)
         self._hold_acceleration(auxiliary, driven)
         self.counters.steps += 1
-        energies = self._account(target, c, moved, force, reaction)
+        energies = account(self.system, old, target, c, moved, force, reaction)
         return Motion(target, c, acceleration, auxiliary, force, reaction, energies)
-
-    def _account(
-        self,
-        target: float,
-        c: Configuration,
-        moved: FloatArray,
-        force: FloatArray,
-        reaction: FloatArray,
-    ) -> Energies:
-        """Add the work of one step: loads and reactions by the trapezoidal rule, losses at its middle."""
-        s, old = self.system, self.motion
-        h = target - old.time
-        travelled = 0.5 * h * (old.configuration.rates + c.rates)
-        travelled[s.free_rows] = moved[s.free_rows]
-        held = s.held_rows
-        travelled[s.drive.nodes] = c.x[s.drive.nodes] - old.configuration.x[s.drive.nodes]
-        load_work = 0.5 * float(np.sum((old.force + force) * travelled))
-        drive_work = 0.5 * float(np.sum((old.reaction + reaction) * travelled[held]))
-        middle, between = self._middle(c, moved, h), 0.5 * (old.time + target)
-        lost, carried = s.drag_power(middle, s.drive.carrier(between))
-        viscous = s.viscous_power(middle)
-        e = old.energies
-        return Energies(
-            kinetic=s.kinetic(c),
-            elastic=s.elastic(c),
-            dissipated=e.dissipated + h * (lost + viscous),
-            contact=e.contact,
-            load_work=e.load_work + load_work,
-            drive_work=e.drive_work + drive_work - h * carried,
-            initial=e.initial,
-        )
-
-    def _middle(self, c: Configuration, moved: FloatArray, h: float) -> Configuration:
-        """Half-way configuration with the step's mean velocities: its strain rates are the exact changes."""
-        n, old = self.system.nodes, self.motion.configuration
-        driven = self.system.drive.nodes
-        moved = moved.copy()
-        moved[driven] = c.x[driven] - old.x[driven]
-        bodies = self.system.drive.bodies
-        relative = c.turn[bodies] @ np.swapaxes(old.turn[bodies], 1, 2)
-        moved[n + bodies] = logarithm(relative)
-        half = exponential(0.5 * moved[n:]) @ old.turn
-        return Configuration(0.5 * (old.x + c.x), moved[:n] / h, half, moved[n:] / h)
 
 
 def _blend(first: FloatArray, load: Load, share: float) -> Load:

@@ -39,7 +39,7 @@ def largest(values: FloatArray) -> float:
         for k in range(3):
             size = abs(values[i, k])
             if math.isnan(size):
-                return size
+                return math.nan
             most = max(most, size)
     return most
 
