@@ -80,7 +80,7 @@ class BlockLU:
         Raises
         ------
         RuntimeError
-            The matrix is singular, or not finite.
+            A pivot vanishes, or is not a number.
         """
         blocks = np.zeros((len(self.columns), 3, 3))
         blocks.reshape(-1)[self._place] = stored.data
