@@ -28,10 +28,10 @@ import numpy as np
 from cwmav_common.errors import WorkError
 from cwmav_common.settings import setting
 from cwmav_sim.sph.sheet import SheetLoad
+from cwmav_sim.wing.algebra import across, compiled, minus, put_sum, row
 from cwmav_sim.wing.carried import Carried
 from cwmav_sim.wing.dynamics import Configuration
 from cwmav_sim.wing.motion import Energies, Motion
-from cwmav_sim.wing.rotation import cross
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
 from cwmav_sim.wing.structure import FlexibleWings
 
@@ -197,12 +197,20 @@ def node_normals(x: FloatArray, triangles: IntArray) -> FloatArray:
     WorkError
         A wing has folded up so that a normal vanishes.
     """
-    a, b, c = (x[triangles[:, k]] for k in range(3))
-    area = cross(b - a, c - a)
-    out = np.zeros_like(x)
-    for k in range(3):
-        np.add.at(out, triangles[:, k], area)
+    out = _node_areas(x, triangles)
     length = np.linalg.norm(out, axis=1)
     if not np.all(length > 0.0):
         raise WorkError("wing structure: a wing has folded up; its normal vanishes")
     return np.asarray(out / length[:, None])
+
+
+@compiled
+def _node_areas(x: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the sums of twice the area vectors of the triangles around every node [m2], shape (n, 3)."""
+    out = np.zeros((len(x), 3))
+    for m in range(len(triangles)):
+        a, b, c = row(x, triangles[m, 0]), row(x, triangles[m, 1]), row(x, triangles[m, 2])
+        area = across(minus(b, a), minus(c, a))
+        for k in range(3):
+            put_sum(out, triangles[m, k], area)
+    return out

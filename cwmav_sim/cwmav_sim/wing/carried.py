@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwmav_sim.wing.algebra import compiled
 from cwmav_sim.wing.dynamics import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
@@ -65,11 +66,11 @@ class CarriedAir:
 
     def load(self, c: Configuration) -> FloatArray:
         """Return the change of the load, shape (rows, 3)."""
-        out = np.zeros(3 * (len(c.x) + len(c.turn)))
-        if self._foreseen is not None:
-            difference = (c.rates - self._foreseen).ravel()[self._dofs]
-            np.add.at(out, self._dofs, -np.matmul(self._blocks, difference[..., None])[..., 0])
-        return out.reshape(-1, 3)
+        rates = c.rates
+        if self._foreseen is None:
+            return np.zeros_like(rates)
+        missed = (rates - self._foreseen).ravel()
+        return _resistance(self._blocks, self._dofs, missed).reshape(-1, 3)
 
     def forces(self, c: Configuration) -> FloatArray:
         """Return zero: the force is a load."""
@@ -86,6 +87,17 @@ class CarriedAir:
     def dissipation(self, c: Configuration) -> float:
         """Return zero."""
         return 0.0
+
+
+@compiled
+def _resistance(blocks: FloatArray, dofs: IntArray, rates: FloatArray) -> FloatArray:
+    """Return minus the blocks (m, d, d) times the rates of their unknowns, summed over the blocks."""
+    out = np.zeros(len(rates))
+    for m in range(dofs.shape[0]):
+        for i in range(dofs.shape[1]):
+            for j in range(dofs.shape[1]):
+                out[dofs[m, i]] -= blocks[m, i, j] * rates[dofs[m, j]]
+    return out
 
 
 def node_blocks(count: int) -> IntArray:

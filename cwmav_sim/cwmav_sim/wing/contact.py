@@ -17,12 +17,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from cwmav_common.settings import setting
+from cwmav_sim.wing.contact_loops import centres_of, gauss_seidel, least_distance, touched
 from cwmav_sim.wing.dynamics import Configuration, System
 from cwmav_sim.wing.motion import Motion
 from cwmav_sim.wing.rotation import cross
@@ -120,9 +119,9 @@ class Impacts:
         """Apply the impulses of all contacts to a motion just reached."""
         c = motion.configuration
         step, self._previous = motion.time - self._previous, motion.time
-        state = self._sheet.state(c, motion.acceleration)
         if not self._sides or motion.time < self._distant_until:
             return motion
+        state = self._sheet.state(c, motion.acceleration)
         contacts = self.find(state.x)
         if not len(contacts):
             self._distant_until = motion.time + self._free_time(state.x, state.v)
@@ -139,25 +138,21 @@ class Impacts:
 
     def _impulses(self, c: Configuration, v: FloatArray, contacts: Contacts, step: float) -> FloatArray:
         """Nodal impulses of all contacts [N s], shape (n, 3)."""
-        select = _selection(contacts, len(v))
-        axes = _frames(contacts.normal)
-        speed = np.einsum("mki,mi->mk", axes, (select @ v.ravel()).reshape(-1, 3))
-        block = sp.block_diag(list(axes), format="csr") @ select
+        block = _relative(contacts, _frames(contacts.normal), len(v))
+        speed = (block @ v.ravel()).reshape(-1, 3)
         compliance = (block @ self._sheet.compliance(c) @ block.T).toarray()
         depth = np.maximum(self.law.distance - contacts.gap, 0.0)
         push = np.minimum(self.law.separation * depth / max(step, 1e-9), self.law.separation_speed)
         push = np.where(contacts.gap < 0.5 * self.law.distance, push, 0.0)
         target = np.maximum(-self.law.restitution * np.minimum(speed[:, 0], 0.0), push)
-        impulse = _gauss_seidel(compliance, speed, target, self.law.friction, self.law.sweeps)
+        impulse = gauss_seidel(compliance, speed, target, self.law.friction, self.law.sweeps)
         return np.asarray(block.T @ impulse.ravel()).reshape(-1, 3)
 
     def _free_time(self, x: FloatArray, v: FloatArray) -> float:
         """Time before the wings can touch, at twice the present speeds."""
         nearest = np.inf
         for side in self._sides:
-            centres = x[side.triangles].mean(axis=1)
-            distance, _ = cKDTree(centres).query(x[side.nodes])
-            nearest = min(nearest, float(np.min(distance)))
+            nearest = min(nearest, least_distance(x, side.nodes, centres_of(x, side.triangles)))
         room = nearest - self._edge - self.law.distance
         fastest = float(np.sqrt(np.max(np.sum(v**2, axis=1))))
         return max(room, 0.0) / (4.0 * fastest + 1e-12)
@@ -194,40 +189,20 @@ def _normals(x: FloatArray, triangles: IntArray) -> FloatArray:
 
 
 def _against(side: _Side, x: FloatArray, distance: float, edge: float) -> Contacts:
-    """Contacts of one side: for every node the nearest triangle whose prism holds it."""
-    centres = x[side.triangles].mean(axis=1)
-    near = cKDTree(x[side.nodes]).query_ball_tree(cKDTree(centres), edge)
-    node = np.repeat(side.nodes, [len(n) for n in near])
-    chosen = np.array([k for n in near for k in n], dtype=np.int64)
-    corners = side.triangles[chosen]
-    normal = side.sign * _normals(x, corners)
-    a, b, c = (x[corners[:, k]] for k in range(3))
-    gap = np.einsum("mi,mi->m", normal, x[node] - a)
-    foot = x[node] - gap[:, None] * normal
-    shares = np.stack([_share(foot, b, c, a), _share(foot, c, a, b), _share(foot, a, b, c)], axis=1)
-    touching = (gap < distance) & np.all(shares > -1e-9, axis=1)
-    order = np.lexsort((np.abs(gap), node))
-    order = order[touching[order]]
-    _, first = np.unique(node[order], return_index=True)
-    kept = order[first]
-    return Contacts(node[kept], corners[kept], shares[kept], normal[kept], gap[kept])
+    """Contacts of one side."""
+    triangle, shares, normal, gap = touched(x, side.nodes, side.triangles, side.sign, distance, edge)
+    hit = triangle >= 0
+    return Contacts(side.nodes[hit], side.triangles[triangle[hit]], shares[hit], normal[hit], gap[hit])
 
 
-def _share(foot: FloatArray, one: FloatArray, two: FloatArray, own: FloatArray) -> FloatArray:
-    """Barycentric share of the corner ``own`` at ``foot``, over the other corners ``one`` and ``two``."""
-    whole = cross(one - own, two - own)
-    part = cross(one - foot, two - foot)
-    return np.asarray(np.einsum("mi,mi->m", whole, part) / np.einsum("mi,mi->m", whole, whole))
-
-
-def _selection(contacts: Contacts, count: int) -> sp.csr_matrix:
-    """Matrix (3 m, 3 n) that gives the velocity of each node relative to the triangle it touches."""
-    number = np.arange(len(contacts))
-    rows = np.concatenate([number, np.repeat(number, 3)])
-    columns = np.concatenate([contacts.node, contacts.corners.ravel()])
-    values = np.concatenate([np.ones(len(contacts)), -contacts.shares.ravel()])
-    scalar = sp.csr_matrix((values, (rows, columns)), shape=(len(contacts), count))
-    return sp.kron(scalar, sp.identity(3), format="csr")
+def _relative(contacts: Contacts, axes: FloatArray, count: int) -> sp.csr_matrix:
+    """Matrix (3 m, 3 n) that gives each node's velocity relative to its triangle, in axes (m, 3, 3)."""
+    nodes = np.column_stack([contacts.node, contacts.corners])
+    weights = np.column_stack([np.ones(len(contacts)), -contacts.shares])
+    values = axes[:, :, None, :] * weights[:, None, :, None]
+    columns = np.broadcast_to(3 * nodes[:, None, :, None] + np.arange(3), values.shape)
+    starts = np.arange(3 * len(contacts) + 1) * (values.size // (3 * len(contacts)))
+    return sp.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(3 * len(contacts), 3 * count))
 
 
 def _frames(normal: FloatArray) -> FloatArray:
@@ -236,40 +211,3 @@ def _frames(normal: FloatArray) -> FloatArray:
     first = cross(normal, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([normal, first, cross(normal, first)], axis=1)
-
-
-@numba.njit(cache=True)
-def _gauss_seidel(
-    compliance: FloatArray, speed: FloatArray, target: FloatArray, friction: float, sweeps: int
-) -> FloatArray:
-    """Impulses (m, 3) in contact axes that bring the relative speeds (m, 3) to what the laws allow."""
-    m = len(speed)
-    u = speed.copy()
-    impulse = np.zeros((m, 3))
-    scale = np.max(np.abs(speed)) + np.max(target) + 1e-30
-    for _ in range(sweeps):
-        largest = 0.0
-        for i in range(m):
-            old = impulse[i].copy()
-            diagonal = compliance[3 * i, 3 * i]
-            if diagonal <= 0.0:
-                continue
-            impulse[i, 0] = max(0.0, old[0] - (u[i, 0] - target[i]) / diagonal)
-            slide = compliance[3 * i + 1, 3 * i + 1] + compliance[3 * i + 2, 3 * i + 2]
-            impulse[i, 1] = old[1] - 2.0 * u[i, 1] / slide
-            impulse[i, 2] = old[2] - 2.0 * u[i, 2] / slide
-            limit = friction * impulse[i, 0]
-            size = np.sqrt(impulse[i, 1] ** 2 + impulse[i, 2] ** 2)
-            if size > limit:
-                impulse[i, 1] *= limit / size
-                impulse[i, 2] *= limit / size
-            for axis in range(3):
-                change = impulse[i, axis] - old[axis]
-                if change != 0.0:
-                    largest = max(largest, abs(change) * diagonal)
-                    for j in range(m):
-                        for k in range(3):
-                            u[j, k] += compliance[3 * j + k, 3 * i + axis] * change
-        if largest <= 1e-6 * scale:
-            break
-    return impulse

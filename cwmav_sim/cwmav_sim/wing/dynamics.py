@@ -19,10 +19,18 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
-from cwmav_sim.wing.rotation import cross, turn, turn_back
+from cwmav_sim.wing.block_lu import Factors
+from cwmav_sim.wing.motion_loops import (
+    add_forces,
+    drag_forces,
+    drag_powers,
+    inertial_forces,
+    kinetic_energy,
+)
+from cwmav_sim.wing.rotation import turn, turn_back
 from cwmav_sim.wing.sheet import FloatArray, IntArray
+from cwmav_sim.wing.sparsity import Pattern
 
 if TYPE_CHECKING:
     from cwmav_sim.wing.carried import CarriedAir
@@ -185,44 +193,29 @@ class System:
         held[self.nodes + drive.bodies] = True
         self.held_rows = np.concatenate([drive.nodes, self.nodes + drive.bodies]).astype(np.int64)
         self.free_rows = np.flatnonzero(~held)
-        self.pattern = _Pattern(self)
+        families = [element.dofs for element in self.elements]
+        scalars = np.arange(3 * self.rows, dtype=np.int64)
+        families += [scalars[: 3 * self.nodes, None], scalars[3 * self.nodes :].reshape(-1, 3)]
+        self._pattern = Pattern(families, self.rows, self.free_rows)
 
     def internal(self, c: Configuration) -> FloatArray:
         """Return the resisting forces of all elements, shape (n + k, 3)."""
         total = np.zeros(3 * self.rows)
         for element in self.elements:
-            total += np.bincount(element.dofs.ravel(), element.forces(c).ravel(), minlength=3 * self.rows)
+            add_forces(total, element.dofs, element.forces(c))
         return total.reshape(-1, 3)
 
     def drag(self, c: Configuration, carrier: Carrier) -> FloatArray:
         """Return the mass-proportional damping force on the motion relative to the carrier."""
-        out = np.zeros((self.rows, 3))
-        if self.mass_damping:
-            relative = c.v - self._carried(c, carrier)
-            out[: self.nodes] = self.mass_damping * self.inertia.mass[:, None] * relative
-        return out
+        return drag_forces(self.mass_damping, self.inertia.mass, c.x, c.v, carrier.spin, self.drive.group)
 
     def drag_power(self, c: Configuration, carrier: Carrier) -> tuple[float, float]:
         """Return the power the drag loses and the power it gives to the carrier [W]."""
-        if not self.mass_damping:
-            return 0.0, 0.0
-        force = self.drag(c, carrier)[: self.nodes]
-        carried = self._carried(c, carrier)
-        return float(np.sum(force * (c.v - carried))), float(np.sum(force * carried))
-
-    def _carried(self, c: Configuration, carrier: Carrier) -> FloatArray:
-        return cross(carrier.spin[self.drive.group[: self.nodes]], c.x)
+        return drag_powers(self.mass_damping, self.inertia.mass, c.x, c.v, carrier.spin, self.drive.group)
 
     def inertial(self, c: Configuration, acceleration: FloatArray) -> FloatArray:
         """Return the rate of change of momentum and angular momentum, shape (n + k, 3)."""
-        out = np.empty((self.rows, 3))
-        out[: self.nodes] = self.inertia.mass[:, None] * acceleration[: self.nodes]
-        if self.bodies:
-            own = turn_back(c.turn, acceleration[self.nodes :])
-            spin = turn_back(c.turn, c.spin)
-            rotary = self.inertia.rotary
-            out[self.nodes :] = turn(c.turn, rotary * own + cross(spin, rotary * spin))
-        return out
+        return inertial_forces(self.inertia.mass, self.inertia.rotary, c.turn, c.spin, acceleration)
 
     def solve_inertia(self, c: Configuration, force: FloatArray) -> FloatArray:
         """Return the acceleration that ``force`` gives, gyroscopic moments apart, shape (n + k, 3)."""
@@ -234,9 +227,7 @@ class System:
 
     def kinetic(self, c: Configuration) -> float:
         """Return the kinetic energy [J]."""
-        own = turn_back(c.turn, c.spin)
-        moving = float(np.sum(self.inertia.mass[:, None] * c.v**2))
-        return 0.5 * (moving + float(np.sum(self.inertia.rotary * own**2)))
+        return kinetic_energy(self.inertia.mass, self.inertia.rotary, c.v, c.turn, c.spin)
 
     def elastic(self, c: Configuration) -> float:
         """Return the elastic energy [J]."""
@@ -263,56 +254,24 @@ class System:
         Rows and columns follow ``free_rows``, three per row. The gyroscopic moment is left out: it is of
         higher order in the time step, and only the speed of convergence depends on this matrix.
         """
-        values = [element.tangent(c, rate, stressed or c).ravel() for element in self.elements]
+        values = [element.tangent(c, rate, stressed or c) for element in self.elements]
         factor = mass_factor + rate * self.mass_damping
         values.append(np.repeat(factor * self.inertia.mass, 3))
         rotary = np.einsum("kij,kj,klj->kil", c.turn, mass_factor * self.inertia.rotary, c.turn)
-        values.append(rotary.ravel())
-        return self.pattern.assemble(np.concatenate(values))
+        values.append(rotary)
+        return self._pattern.assemble(values)
+
+    def factorised(self, matrix: sp.csc_matrix) -> Factors:
+        """Factorise what :meth:`matrix` returns.
+
+        Raises
+        ------
+        RuntimeError
+            The matrix is singular.
+        """
+        return self._pattern.lu.factorised(matrix)
 
     def rounding(self, c: Configuration) -> float:
         """Return the unbalanced force [N] that rounding alone can leave: stiffness times coordinates."""
         stiffest = float(np.max(np.abs(self.matrix(c, rate=0.0, mass_factor=0.0).diagonal()), initial=0.0))
         return _ROUNDING * stiffest * float(np.max(np.abs(c.x)))
-
-
-def factorised(matrix: sp.csc_matrix) -> sla.SuperLU:
-    """Factorise a structurally symmetric matrix without pivoting off the diagonal.
-
-    Pivoting would double the fill; the mass term keeps the diagonal dominant enough, and Newton corrects
-    what rounding leaves.
-
-    Raises
-    ------
-    RuntimeError
-        The matrix is singular.
-    """
-    return sla.splu(
-        matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True, "DiagPivotThresh": 0.0}
-    )
-
-
-class _Pattern:
-    """Fixed sparsity of the tangent: where every element entry lands among the stored entries."""
-
-    def __init__(self, system: System) -> None:
-        blocks = [element.dofs for element in system.elements]
-        blocks.append(np.arange(3 * system.nodes, dtype=np.int64)[:, None])
-        blocks.append(np.arange(3 * system.nodes, 3 * system.rows, dtype=np.int64).reshape(-1, 3))
-        row = np.concatenate([np.repeat(d, d.shape[1], axis=1).ravel() for d in blocks])
-        column = np.concatenate([np.tile(d, (1, d.shape[1])).ravel() for d in blocks])
-        number = np.full(3 * system.rows, -1, dtype=np.int64)
-        free = (3 * system.free_rows[:, None] + np.arange(3)).ravel()
-        number[free] = np.arange(len(free))
-        row, column = number[row], number[column]
-        self._kept = np.flatnonzero((row >= 0) & (column >= 0))
-        self.size = len(free)
-        key = column[self._kept] * np.int64(max(self.size, 1)) + row[self._kept]
-        unique, self._place = np.unique(key, return_inverse=True)
-        self._indices = unique % max(self.size, 1)
-        counts = np.bincount(unique // max(self.size, 1), minlength=self.size)
-        self._starts = np.concatenate([[0], np.cumsum(counts)])
-
-    def assemble(self, values: FloatArray) -> sp.csc_matrix:
-        data = np.bincount(self._place, values[self._kept], minlength=len(self._indices))
-        return sp.csc_matrix((data, self._indices, self._starts), shape=(self.size, self.size))

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.facet_loops import Carriers, carried_inertia, carried_load, carried_motion
 from cwmav_sim.wing.geometry import PanelMesh, WingPlanform
 from cwmav_sim.wing.rotation import cross, skew, turn
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
@@ -95,29 +96,18 @@ class FacetSheet:
     """
 
     def __init__(self, system: System, nodes: IntArray, bodies: IntArray, arm: FloatArray) -> None:
-        self._system, self._bodies, self._arm = system, bodies, arm
-        count = int(nodes.max()) + 1
-        share = 1.0 / np.bincount(nodes, minlength=count)[nodes]
-        self._mean = sp.csr_matrix((share, (nodes, np.arange(len(nodes)))), shape=(count, len(nodes)))
-        self._share, self._nodes = share, nodes
+        self._system, self._count = system, int(nodes.max()) + 1
+        self._carriers = Carriers(nodes, bodies, arm, 1.0 / np.bincount(nodes, minlength=self._count)[nodes])
 
     def state(self, c: Configuration, acceleration: FloatArray) -> SheetState:
         """Return the mean of what the facets carry."""
-        b, arm, n = self._bodies, turn(c.turn[self._bodies], self._arm), self._system.nodes
-        spin = c.spin[b]
-        rim = cross(spin, arm)
-        a = acceleration[b] + cross(acceleration[n + b], arm) + cross(spin, rim)
-        x, v, a = (np.asarray(self._mean @ field) for field in (c.x[b] + arm, c.v[b] + rim, a))
-        return SheetState(x, v, a)
+        return SheetState(
+            *carried_motion(self._carriers, self._count, c.x, c.v, c.turn, c.spin, acceleration)
+        )
 
     def load(self, c: Configuration, forces: FloatArray) -> FloatArray:
         """Return forces and moments on the bodies."""
-        share = np.asarray(self._mean.T @ forces)
-        moment = cross(turn(c.turn[self._bodies], self._arm), share)
-        out = np.zeros((self._system.rows, 3))
-        np.add.at(out, self._bodies, share)
-        np.add.at(out, self._system.nodes + self._bodies, moment)
-        return out
+        return carried_load(self._carriers, c.turn, forces, self._system.nodes)
 
     def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
         """Return the change of the bodies' velocities and spins."""
@@ -133,27 +123,23 @@ class FacetSheet:
         free[s.held_rows] = 0.0
         linear = np.eye(3) / s.inertia.mass[:, None, None]
         angular = np.einsum("kij,kj,klj->kil", c.turn, 1.0 / s.inertia.rotary, c.turn)
-        inverse = sp.block_diag(list(free[:, None, None] * np.concatenate([linear, angular])), format="csr")
+        blocks = free[:, None, None] * np.concatenate([linear, angular])
+        inverse = sp.bsr_matrix((blocks, np.arange(s.rows), np.arange(s.rows + 1)))
         return sp.csr_matrix(jacobian @ inverse @ jacobian.T)
 
     def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
         """Return the inertia of every body, shape (bodies, 6, 6); bodies share the nodes between them."""
-        arm, n = turn(c.turn[self._bodies], self._arm), normal[self._nodes]
-        row = np.concatenate([n, cross(arm, n)], axis=1)
-        weight = self._share * mass[self._nodes]
-        out = np.zeros((len(c.x), 6, 6))
-        np.add.at(out, self._bodies, weight[:, None, None] * row[:, :, None] * row[:, None, :])
-        return out
+        return carried_inertia(self._carriers, c.turn, mass, normal)
 
     def _jacobian(self, c: Configuration) -> sp.csr_matrix:
         """Velocities of the sheet per rate of the bodies, shape (3 n, 3 (n + k))."""
-        count, rows = self._mean.shape[0], self._system.rows
-        arm = turn(c.turn[self._bodies], self._arm)
+        rows, carriers = self._system.rows, self._carriers
+        arm = turn(c.turn[carriers.bodies], carriers.arm)
         blocks = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -skew(arm)])
-        blocks = np.tile(self._share, 2)[:, None, None] * blocks
-        node = np.tile(self._nodes, 2)
-        row = np.concatenate([self._bodies, self._system.nodes + self._bodies])
+        blocks = np.tile(carriers.share, 2)[:, None, None] * blocks
+        node = np.tile(carriers.nodes, 2)
+        row = np.concatenate([carriers.bodies, self._system.nodes + carriers.bodies])
         axis = np.arange(3)
         i = np.broadcast_to(3 * node[:, None, None] + axis[:, None], blocks.shape)
         j = np.broadcast_to(3 * row[:, None, None] + axis, blocks.shape)
-        return sp.csr_matrix((blocks.ravel(), (i.ravel(), j.ravel())), shape=(3 * count, 3 * rows))
+        return sp.csr_matrix((blocks.ravel(), (i.ravel(), j.ravel())), shape=(3 * self._count, 3 * rows))

@@ -72,17 +72,18 @@ class Hinges:
 
     def at(self, t: float) -> Swing:
         """Return the frames at time ``t`` [s]."""
-        opening = ClappingLaw(self.kinematics, self.frequency).opening(t if self.moving else -1.0)
+        opening = ClappingLaw(self.kinematics, self.frequency).opening(t if self.moving else -1.0, order=2)
+        angle, rate, rise = (opening.derivative(k) for k in range(3))
         forward, upward = _body_axes(self.angle_of_attack)
         axes, spin, spin_rate = [], [], []
         for panel in self.panels:
-            angle = panel.up * opening.derivative(0) + self.kinematics.dihedral
+            raised = panel.up * angle + self.kinematics.dihedral
             right = np.array([0.0, panel.side, 0.0])
-            c, s = math.cos(angle), math.sin(angle)
+            c, s = math.cos(raised), math.sin(raised)
             axes.append(np.stack([c * right + s * upward, -forward, -s * right + c * upward], axis=1))
-            pivot = panel.up * np.cross(right, upward)
-            spin.append(pivot * opening.derivative(1))
-            spin_rate.append(pivot * opening.derivative(2))
+            pivot = panel.up * cross(right, upward)
+            spin.append(pivot * rate)
+            spin_rate.append(pivot * rise)
         return Swing(np.array(axes), np.array(spin), np.array(spin_rate))
 
 

@@ -19,13 +19,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse.linalg as sla
 
 from cwmav_common.errors import WorkError
 from cwmav_common.settings import setting
+from cwmav_sim.wing.account import account
+from cwmav_sim.wing.block_lu import Factors
 from cwmav_sim.wing.dynamics import Carrier, Configuration, Driven, Load, System
 from cwmav_sim.wing.motion import Counters, Energies, Motion
-from cwmav_sim.wing.rotation import compounded, exponential, logarithm, orthonormal, turn, turn_back
+from cwmav_sim.wing.motion_loops import displaced, further, largest, turned_rows
+from cwmav_sim.wing.rotation import logarithm, orthonormal, turn
 from cwmav_sim.wing.sheet import FloatArray
 
 
@@ -54,7 +56,7 @@ class _NotConvergedError(Exception):
 
 @dataclass
 class _Factor:
-    solve: sla.SuperLU
+    factors: Factors
     axes: FloatArray  # carrier orientation the tangent was built in
     step: float
 
@@ -183,8 +185,8 @@ class Integrator:
             internal, inertial = s.internal(c), s.inertial(c, acceleration)
             residual = inertial + internal + s.drag(c, carrier) - force
             free = residual[s.free_rows]
-            size = float(np.max(np.abs(free), initial=0.0))
-            scale = max(float(np.max(np.abs(f), initial=0.0)) for f in (internal, inertial, force))
+            size = largest(free)
+            scale = max(largest(f) for f in (internal, inertial, force))
             if not np.isfinite(size):
                 raise _NotConvergedError
             if size <= max(self.settings.tolerance * scale, self._floor):
@@ -198,8 +200,7 @@ class Integrator:
                 fresh = False
             before = size
             self.counters.iterations += 1
-            change = np.zeros((s.rows, 3))
-            change[s.free_rows] = -self._solve(free, carrier)
+            change = -self._solve(free, carrier)
             state = self._corrected(old, state, change, rate, ratio, driven)
         raise _NotConvergedError
 
@@ -221,7 +222,8 @@ class Integrator:
 
     def _moved(self, c: Configuration, moved: FloatArray, velocity: FloatArray) -> Configuration:
         n = self.system.nodes
-        return Configuration(c.x + moved[:n], velocity[:n], exponential(moved[n:]) @ c.turn, velocity[n:])
+        x, turned = displaced(c.x, c.turn, moved)
+        return Configuration(x, velocity[:n], turned, velocity[n:])
 
     def _corrected(
         self,
@@ -233,9 +235,7 @@ class Integrator:
         driven: Driven,
     ) -> _State:
         c, acceleration, moved = state
-        n = self.system.nodes
-        turned = compounded(moved[n:], change[n:])
-        step = np.concatenate([change[:n], turned - moved[n:]])
+        step = further(moved, change, self.system.free_rows, self.system.nodes)
         moved = moved + step
         velocity = c.rates + rate * step
         acceleration = acceleration + ratio * step
@@ -265,21 +265,17 @@ class Integrator:
     def _factorise(self, c: Configuration, carrier: Carrier, h: float, rate: float, ratio: float) -> None:
         matrix = self.system.matrix(c, rate=rate, mass_factor=ratio, stressed=self.motion.configuration)
         try:
-            solver = sla.splu(
-                matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True, "DiagPivotThresh": 0.0}
-            )
+            self._factor = _Factor(self.system.factorised(matrix), carrier.axes, h)
         except RuntimeError:
             raise _NotConvergedError from None
-        self._factor = _Factor(solver, carrier.axes, h)
         self.counters.factorisations += 1
 
     def _solve(self, free: FloatArray, carrier: Carrier) -> FloatArray:
-        factor = self._factor
+        factor, rows, group = self._factor, self.system.free_rows, self.system.drive.group
         assert factor is not None  # noqa: S101 - set by _factorise before every first use
-        group = self.system.drive.group[self.system.free_rows]
-        relative = (carrier.axes @ np.swapaxes(factor.axes, 1, 2))[group]
-        back = factor.solve.solve(turn_back(relative, free).ravel()).reshape(-1, 3)
-        return turn(relative, back)
+        relative = carrier.axes @ np.swapaxes(factor.axes, 1, 2)
+        back = np.ascontiguousarray(np.swapaxes(relative, 1, 2))
+        return turned_rows(relative, group, rows, factor.factors.solve(turned_rows(back, group, rows, free)))
 
     def _finish(
         self,
@@ -298,51 +294,8 @@ class Integrator:
         ) / (1.0 - self._am)
         self._hold_acceleration(auxiliary, driven)
         self.counters.steps += 1
-        energies = self._account(target, c, moved, force, reaction)
+        energies = account(self.system, old, target, c, moved, force, reaction)
         return Motion(target, c, acceleration, auxiliary, force, reaction, energies)
-
-    def _account(
-        self,
-        target: float,
-        c: Configuration,
-        moved: FloatArray,
-        force: FloatArray,
-        reaction: FloatArray,
-    ) -> Energies:
-        """Add the work of one step: loads and reactions by the trapezoidal rule, losses at its middle."""
-        s, old = self.system, self.motion
-        h = target - old.time
-        travelled = 0.5 * h * (old.configuration.rates + c.rates)
-        travelled[s.free_rows] = moved[s.free_rows]
-        held = s.held_rows
-        travelled[s.drive.nodes] = c.x[s.drive.nodes] - old.configuration.x[s.drive.nodes]
-        load_work = 0.5 * float(np.sum((old.force + force) * travelled))
-        drive_work = 0.5 * float(np.sum((old.reaction + reaction) * travelled[held]))
-        middle, between = self._middle(c, moved, h), 0.5 * (old.time + target)
-        lost, carried = s.drag_power(middle, s.drive.carrier(between))
-        viscous = s.viscous_power(middle)
-        e = old.energies
-        return Energies(
-            kinetic=s.kinetic(c),
-            elastic=s.elastic(c),
-            dissipated=e.dissipated + h * (lost + viscous),
-            contact=e.contact,
-            load_work=e.load_work + load_work,
-            drive_work=e.drive_work + drive_work - h * carried,
-            initial=e.initial,
-        )
-
-    def _middle(self, c: Configuration, moved: FloatArray, h: float) -> Configuration:
-        """Half-way configuration with the step's mean velocities: its strain rates are the exact changes."""
-        n, old = self.system.nodes, self.motion.configuration
-        driven = self.system.drive.nodes
-        moved = moved.copy()
-        moved[driven] = c.x[driven] - old.x[driven]
-        bodies = self.system.drive.bodies
-        relative = c.turn[bodies] @ np.swapaxes(old.turn[bodies], 1, 2)
-        moved[n + bodies] = logarithm(relative)
-        half = exponential(0.5 * moved[n:]) @ old.turn
-        return Configuration(0.5 * (old.x + c.x), moved[:n] / h, half, moved[n:] / h)
 
 
 def _blend(first: FloatArray, load: Load, share: float) -> Load:

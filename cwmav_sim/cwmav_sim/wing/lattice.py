@@ -297,7 +297,7 @@ def _connectors(
     return Connectors(first, second, stiffness, len(x), viscosity=viscosity)
 
 
-_FIELDS = tuple(Ends.__dataclass_fields__)
+_FIELDS = Ends._fields
 
 
 def _proper(frames: FloatArray) -> FloatArray:

@@ -17,7 +17,14 @@ import numpy as np
 
 from cwmav_common.errors import InputError
 from cwmav_sim.wing.dynamics import Configuration
-from cwmav_sim.wing.kernels import film_forces
+from cwmav_sim.wing.film_loops import (
+    Triangles,
+    film_dissipation,
+    film_energy,
+    film_forces,
+    film_strain,
+    film_tangent,
+)
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -56,9 +63,9 @@ class Membrane:
     ) -> None:
         self.triangles, self.viscosity = triangles, viscosity
         gradients, self.areas = _gradients(reference, triangles)
-        self._gradients = np.ascontiguousarray(gradients)
-        self._law = law
-        self._volume = thickness * self.areas
+        self._film = Triangles(
+            triangles, np.ascontiguousarray(gradients), thickness * self.areas, law, float(viscosity)
+        )
         self._dofs = (3 * triangles[:, :, None] + np.arange(3)).reshape(len(triangles), 9)
 
     @property
@@ -68,65 +75,27 @@ class Membrane:
 
     def strain(self, c: Configuration) -> FloatArray:
         """Return Green-Lagrange strains (E11, E22, 2 E12), shape (m, 3)."""
-        return _strain(self._deformation(c.x))
+        return film_strain(c.x, self._film)
 
     def stress(self, c: Configuration) -> FloatArray:
         """Return elastic second Piola-Kirchhoff stresses (S11, S22, S12) [Pa], shape (m, 3)."""
-        return np.asarray(self.strain(c) @ self._law)
+        return np.asarray(self.strain(c) @ self._film.law)
 
     def forces(self, c: Configuration) -> FloatArray:
         """Return the resisting nodal forces [N], shape (m, 9)."""
-        forces: FloatArray = film_forces(
-            c.x, c.v, self.triangles, self._gradients, self._volume, self._law, self.viscosity
-        )
-        return forces
+        return film_forces(c.x, c.v, self._film)
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return the stiffness with its viscous part, shape (m, 9, 9)."""
-        b = self._variation(self._deformation(c.x))
-        response = (1.0 + self.viscosity * rate) * b
-        if self.viscosity:
-            response = response + self.viscosity * self._variation(self._deformation(c.v))
-        stress = self._volume[:, None] * (self._total_strain(stressed) @ self._law)
-        material = np.swapaxes(b, 1, 2) @ (self._volume[:, None, None] * (self._law @ response))
-        tensor = np.stack([stress[:, [0, 2]], stress[:, [2, 1]]], axis=1)
-        geometric = self._gradients @ tensor @ np.swapaxes(self._gradients, 1, 2)
-        out = material.reshape(-1, 3, 3, 3, 3)
-        for axis in range(3):
-            out[:, :, axis, :, axis] += geometric
-        return np.asarray(out.reshape(-1, 9, 9))
+        return film_tangent(c.x, c.v, self._film, rate, stressed.x, stressed.v)
 
     def energy(self, c: Configuration) -> float:
         """Return the strain energy [J]."""
-        strain = self.strain(c)
-        return 0.5 * float(np.sum(self._volume[:, None] * strain * (strain @ self._law)))
+        return film_energy(c.x, self._film)
 
     def dissipation(self, c: Configuration) -> float:
         """Return the viscous power [W]."""
-        if not self.viscosity:
-            return 0.0
-        rate = _strain_rate(self._deformation(c.x), self._deformation(c.v))
-        return self.viscosity * float(np.sum(self._volume[:, None] * rate * (rate @ self._law)))
-
-    def _total_strain(self, c: Configuration) -> FloatArray:
-        """Strain plus a1 times its rate."""
-        f = self._deformation(c.x)
-        if not self.viscosity:
-            return _strain(f)
-        return np.asarray(_strain(f) + self.viscosity * _strain_rate(f, self._deformation(c.v)))
-
-    def _deformation(self, x: FloatArray) -> FloatArray:
-        return np.asarray(np.swapaxes(x[self.triangles], 1, 2) @ self._gradients)
-
-    def _variation(self, f: FloatArray) -> FloatArray:
-        """Return the derivative of the strain to the corner positions, shape (m, 3, 9)."""
-        g = self._gradients
-        first, second = f[:, None, :, 0], f[:, None, :, 1]
-        out = np.empty((len(f), 3, 3, 3))
-        out[:, 0] = g[:, :, :1] * first
-        out[:, 1] = g[:, :, 1:] * second
-        out[:, 2] = g[:, :, :1] * second + g[:, :, 1:] * first
-        return out.reshape(-1, 3, 9)
+        return film_dissipation(c.x, c.v, self._film) if self.viscosity else 0.0
 
 
 def lumped_mass(areas: FloatArray, triangles: IntArray, count: int, areal_density: float) -> FloatArray:
@@ -151,27 +120,3 @@ def _gradients(reference: FloatArray, triangles: IntArray) -> tuple[FloatArray, 
         )
     gradient = np.stack([-edge[:, :, 1], edge[:, :, 0]], axis=2) / double[:, None, None]
     return gradient, 0.5 * double
-
-
-def _strain(f: FloatArray) -> FloatArray:
-    first, second = f[:, :, 0], f[:, :, 1]
-    return np.stack(
-        [
-            0.5 * (np.einsum("mi,mi->m", first, first) - 1.0),
-            0.5 * (np.einsum("mi,mi->m", second, second) - 1.0),
-            np.einsum("mi,mi->m", first, second),
-        ],
-        axis=1,
-    )
-
-
-def _strain_rate(f: FloatArray, flow: FloatArray) -> FloatArray:
-    first, second = f[:, :, 0], f[:, :, 1]
-    return np.stack(
-        [
-            np.einsum("mi,mi->m", first, flow[:, :, 0]),
-            np.einsum("mi,mi->m", second, flow[:, :, 1]),
-            np.einsum("mi,mi->m", first, flow[:, :, 1]) + np.einsum("mi,mi->m", second, flow[:, :, 0]),
-        ],
-        axis=1,
-    )

@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finite rotations of many bodies at once: exponential, logarithm and cross-product matrices.
 
-All functions work on the last axes, so one call serves every node of a wing. Closed forms and their series
-for small angles follow Iserles et al., Acta Numerica 9 (2000), and Simo & Vu-Quoc, CMAME 58 (1986).
+All functions work on the last axes, so one call serves every node of a wing. The formulas for one body are in
+:mod:`cwmav_sim.wing.algebra`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from cwmav_sim.wing.algebra import (
+    compiled,
+    joined,
+    matrix,
+    put,
+    put_matrix,
+    rotation_by,
+    row,
+    straightened,
+    vector_of,
+)
 from cwmav_sim.wing.sheet import FloatArray
-
-_SMALL = 1e-4  # angle [rad] below which the series, exact to rounding there, replaces the closed form
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -44,45 +53,59 @@ def turn_back(rotation: FloatArray, a: FloatArray) -> FloatArray:
 
 def exponential(vector: FloatArray) -> FloatArray:
     """Return the rotation by the angle ``|vector|`` [rad] about ``vector``, shape (..., 3, 3)."""
-    square = np.einsum("...i,...i->...", vector, vector)
-    angle = np.sqrt(square)
-    small = angle < _SMALL
-    safe = np.where(small, 1.0, angle)
-    first = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
-    second = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    matrix = skew(vector)
-    out = first[..., None, None] * matrix + second[..., None, None] * (matrix @ matrix)
-    return np.asarray(out + np.eye(3))
+    return _exponentials(_rows(vector)).reshape(*vector.shape, 3)
 
 
 def logarithm(rotation: FloatArray) -> FloatArray:
     """Return the rotation vector of ``rotation``, for angles below pi, shape (..., 3)."""
-    axis = np.stack(
-        [
-            rotation[..., 2, 1] - rotation[..., 1, 2],
-            rotation[..., 0, 2] - rotation[..., 2, 0],
-            rotation[..., 1, 0] - rotation[..., 0, 1],
-        ],
-        axis=-1,
-    )
-    sine = 0.5 * np.sqrt(np.einsum("...i,...i->...", axis, axis))
-    cosine = 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    small = angle < _SMALL
-    factor = np.where(small, 0.5 + angle**2 / 12.0, 0.5 * angle / np.where(small, 1.0, sine))
-    return np.asarray(factor[..., None] * axis)
+    return _logarithms(_stack(rotation)).reshape(rotation.shape[:-1])
 
 
 def compounded(vector: FloatArray, change: FloatArray) -> FloatArray:
-    """Return the rotation vector of ``exp(change) exp(vector)`` to first order in ``change``.
-
-    Baker-Campbell-Hausdorff series to second order in ``vector``.
-    """
-    once = cross(vector, change)
-    return vector + change - 0.5 * once + cross(vector, once) / 12.0
+    """Return the rotation vector of ``exp(change) exp(vector)`` to first order in ``change``."""
+    return _compounds(_rows(vector), _rows(change)).reshape(vector.shape)
 
 
 def orthonormal(rotation: FloatArray) -> FloatArray:
-    """Return ``rotation`` with rounding drift removed by one Newton step of the polar decomposition."""
-    gram = np.swapaxes(rotation, -1, -2) @ rotation
-    return np.asarray(rotation @ (1.5 * np.eye(3) - 0.5 * gram))
+    """Return ``rotation`` with rounding drift removed."""
+    return _orthonormals(_stack(rotation)).reshape(rotation.shape)
+
+
+def _rows(a: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(a, dtype=np.float64).reshape(-1, 3)
+
+
+def _stack(a: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(a, dtype=np.float64).reshape(-1, 3, 3)
+
+
+@compiled
+def _exponentials(vectors: FloatArray) -> FloatArray:
+    out = np.empty((len(vectors), 3, 3))
+    for i in range(len(vectors)):
+        put_matrix(out, i, rotation_by(row(vectors, i)))
+    return out
+
+
+@compiled
+def _logarithms(rotations: FloatArray) -> FloatArray:
+    out = np.empty((len(rotations), 3))
+    for i in range(len(rotations)):
+        put(out, i, vector_of(matrix(rotations, i)))
+    return out
+
+
+@compiled
+def _compounds(vectors: FloatArray, changes: FloatArray) -> FloatArray:
+    out = np.empty((len(vectors), 3))
+    for i in range(len(vectors)):
+        put(out, i, joined(row(vectors, i), row(changes, i)))
+    return out
+
+
+@compiled
+def _orthonormals(rotations: FloatArray) -> FloatArray:
+    out = np.empty((len(rotations), 3, 3))
+    for i in range(len(rotations)):
+        put_matrix(out, i, straightened(matrix(rotations, i)))
+    return out

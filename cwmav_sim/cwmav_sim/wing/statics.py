@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from cwmav_common.errors import WorkError
-from cwmav_sim.wing.dynamics import Configuration, Load, System, factorised
+from cwmav_sim.wing.dynamics import Configuration, Load, System
 from cwmav_sim.wing.rotation import compounded, exponential
 from cwmav_sim.wing.sheet import FloatArray
 
@@ -127,8 +127,7 @@ def _newton(
     system: System, c: Configuration, stressed: Configuration, residual: FloatArray, shift: float
 ) -> FloatArray:
     matrix = system.matrix(c, rate=0.0, mass_factor=shift, stressed=stressed)
-    solver = factorised(matrix)
-    return -np.asarray(solver.solve(residual.ravel())).reshape(-1, 3)
+    return -system.factorised(matrix).solve(residual)
 
 
 def _unbalanced(system: System, c: Configuration, load: Load) -> tuple[float, float]:
