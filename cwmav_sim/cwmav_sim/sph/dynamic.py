@@ -22,6 +22,8 @@ from cwmav_common.errors import InputError
 from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.state import FloatArray, IntArray, Particles
 
+_AS_WIDE_AS_LONG = 1e-6  # relative difference of extents that counts as none
+
 
 @dataclass
 class DynamicWall:
@@ -104,8 +106,7 @@ def _cover(x: FloatArray, triangles: IntArray, dp: float, dimensions: int) -> tu
         return _row(x, triangles, dp)
     used = x[np.unique(triangles)]
     centre = used.mean(axis=0)
-    axes = np.linalg.svd(used - centre, full_matrices=False)[2][:2]
-    flat = (x - centre) @ axes.T
+    flat = (x - centre) @ _axes(used - centre).T
     low, high = flat[np.unique(triangles)].min(axis=0), flat[np.unique(triangles)].max(axis=0)
     counts = np.maximum(np.rint((high - low) / dp).astype(int), 1)
     start = 0.5 * (low + high) - 0.5 * (counts - 1) * dp
@@ -121,6 +122,22 @@ def _cover(x: FloatArray, triangles: IntArray, dp: float, dimensions: int) -> tu
     if not corners:
         return np.zeros((0, 3), np.int64), np.zeros((0, 3))
     return np.array(corners), np.array(barycentric)
+
+
+def _axes(offsets: FloatArray) -> FloatArray:
+    """Return two unit vectors in the mean plane of points, the longer extent first, shape (2, 3).
+
+    Points as wide as long, such as a square, have no longer extent; whatever direction the decomposition then
+    picks is chance, so the axis of coordinates nearest to the plane is taken.
+    """
+    extent, axes = np.linalg.svd(offsets, full_matrices=False)[1:]
+    if extent[1] < (1.0 - _AS_WIDE_AS_LONG) * extent[0]:
+        return np.asarray(axes[:2])
+    normal = axes[2]
+    first = np.eye(3)[np.argmin(np.abs(normal))]
+    first = first - normal * (first @ normal)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
 
 
 def _barycentric(point: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

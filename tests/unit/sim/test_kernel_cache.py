@@ -31,7 +31,7 @@ def test_an_edit_of_an_inlined_formula_changes_the_hash(tmp_path, monkeypatch):
     text = pair.read_text()
     pair.write_text("# a remark\n" + text)
     assert fresh() == before
-    pair.write_text(text.replace("four * (one - t) + one", "four * (one - t) + two"))
+    pair.write_text(text.replace("f = t * t * t * volume", "f = t * t * volume"))
     edited = fresh()
     assert edited != before
     card = copy / "cuda" / "pair.py"

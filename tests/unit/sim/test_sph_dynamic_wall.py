@@ -53,6 +53,15 @@ def test_a_plain_wall_loses_the_suction_that_a_two_sided_one_feels():
     assert 0.1 < plain[-1] / two_sided[-1] < 0.7
 
 
+def test_particles_on_a_square_lie_in_rows_along_the_axes():
+    full, half = (DynamicWall.on(plate, DP, 1.2, 3) for plate in (MOVING, replace(MOVING, half=True)))
+    x = full.placed(MOVING.state(0.0), False, 3).x
+    assert len(full.panel) == 2 * len(half.panel) == 16
+    rows = DP * (np.arange(4) - 1.5)
+    expected = [(a, b) for a in rows for b in rows]
+    assert sorted(map(tuple, np.round(x[:, :2], 9))) == sorted(map(tuple, np.round(expected, 9)))
+
+
 def test_half_a_model_gives_half_the_force():
     _, full = run(PLAIN, MOVING)
     _, half = run(replace(PLAIN, box=replace(BOX, symmetric=True)), replace(MOVING, half=True))

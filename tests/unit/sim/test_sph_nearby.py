@@ -8,7 +8,20 @@ import pytest
 
 from cwmav_sim.sph import blocks
 from cwmav_sim.sph.blocks import lane_orders, lanes
-from cwmav_sim.sph.gather import FAR, REACH, SLABS, buffer_room
+from cwmav_sim.sph.gather import (
+    ANY_IMAGE,
+    CHUNKS,
+    FAR,
+    MOST_RUNS,
+    REACH,
+    SLABS,
+    STRETCH,
+    buffer_room,
+    dealt,
+    fill,
+    share,
+    stretch,
+)
 from cwmav_sim.sph.nearby import MULTIPLE, add_back, box_around, keep_nearby, keep_same
 
 ROWS, ENTRIES, ROOM = 5, 203, 304
@@ -121,21 +134,29 @@ def test_box_holds_the_points_of_a_cell():
 
 
 @pytest.mark.parametrize("mirrored", [0, 1])
-def test_room_holds_the_fullest_surroundings(mirrored):
-    nx, ny, nz = 7, 6, 9
-    draw = np.random.default_rng(6)
-    count = draw.integers(0, 5, (2, nz, ny, nx))
+@pytest.mark.parametrize("nz", [5, 9, 30])
+def test_room_holds_the_fullest_surroundings(mirrored, nz):
+    nx, ny = 7, 6
+    integers = np.array([nx, ny, nz, mirrored, REACH])
+    count = np.random.default_rng(6).integers(0, 5, (2, nz, ny, nx))
     start = np.zeros((2, nz * ny * nx + 1), np.int64)
     start[:, 1:] = count.reshape(2, -1).cumsum(axis=1)
-    most = 0
-    for cy in range(ny):
-        for cx in range(nx):
-            rows = [cy + dy for dy in range(-REACH, REACH + 1)]
-            if mirrored:
-                rows = [-1 - y if y < 0 else 2 * ny - 1 - y if y >= ny else y for y in rows]
-            columns = [(cx + dx) % nx for dx in range(-REACH, REACH + 1)]
-            chosen = count.sum(axis=1)[:, np.array(rows)[:, None] % ny, columns]
-            most = max(most, int(chosen.sum(axis=(1, 2)).max()))
-    room = buffer_room(start, np.array([nx, ny, nz, mirrored, REACH]))
-    assert most + MULTIPLE <= room <= most + 5 * MULTIPLE
+    total = int(start[0, -1])
+    points = np.zeros((3, total), np.float32), np.zeros(total, np.float32), start[0]
+    room = buffer_room(start[0], integers)
+    buf, begin = np.zeros((3, room + 1000), np.float32), np.zeros(SLABS + 1, np.int64)
+    runs, most = np.zeros((MOST_RUNS, 6), np.int64), 0
+    for number in range(nx * ny * -(-nz // STRETCH)):
+        place = stretch(integers, number)
+        fill(points, (1, 0), ANY_IMAGE, integers, np.ones(3, np.float32), place, runs, buf, begin)
+        most = max(most, int(begin[place[3] - place[2] + 2 * REACH]))
+    assert most + MULTIPLE <= room <= 3 * most
     assert room // MULTIPLE % 2 == 1
+    assert buffer_room(start, integers) >= room
+
+
+def test_every_stretch_is_dealt_once():
+    integers = np.array([7, 6, 40, 1, REACH])
+    numbers = [dealt(integers, chunk, turn) for chunk in range(CHUNKS) for turn in range(share(integers))]
+    dealt_out = [number for number in numbers if number >= 0]
+    assert sorted(dealt_out) == list(range(7 * 6 * 3))
