@@ -215,6 +215,10 @@ class Interaction:
             self._orders,
         )
 
+    def _add_gravity(self, acceleration: FloatArray) -> None:
+        if self._gravity.any():
+            acceleration += self._gravity
+
     def _unbounded(
         self, particles: Particles, sorting: Sorting, fluid: NDArray, column: NDArray, shifting: bool
     ) -> Rates:
@@ -239,7 +243,7 @@ class Interaction:
         )
         sides = Sides.empty(0, n, self.dtype)
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
-        acceleration += self._gravity
+        self._add_gravity(acceleration)
         return as_rates(acceleration, density_rate, shift, np.zeros((0, forces.LOAD_SIZE)), sides)
 
     def _walled(
@@ -310,8 +314,8 @@ class Interaction:
             parts,
         )
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides, surfaces.near_any)
-        acceleration += self._gravity
-        own = sides.in_storage_order(self.panels, sorting.order)
+        self._add_gravity(acceleration)
+        own = sides.in_storage_order(self.panels, sorting.order, sorting.start, surfaces.near_any)
         found = as_rates(acceleration, density_rate, shift, loads.sum(axis=0), own)
         return found if parts is None else replace(found, reaction=numbered(parts, elements.number))
 

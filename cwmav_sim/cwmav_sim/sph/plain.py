@@ -111,7 +111,7 @@ class PlainInteraction(Interaction):
         np.add.at(by_panel, self._wall.panel, force.T)
         sides = Sides.empty(self.panels, n, self.dtype)  # walls of particles hide nothing
         self._add_subgrid_stress(acceleration, particles, sorting, fluid, column, sides)
-        acceleration += self._gravity
+        self._add_gravity(acceleration)
         if not self._middle:  # what passed is counted at the begin; those of the middle would ease air away
             with self._timers.phase("walls"):
                 sides = self._sides(nodes, fluid, column, sorting)
@@ -124,7 +124,9 @@ class PlainInteraction(Interaction):
         assert self.quadrature is not None  # noqa: S101 - for the type checker
         placed = self.quadrature.place(nodes)
         surfaces = locate_surfaces(self.quadrature, placed, self._grid, fluid, column, sorting.start)
-        return surfaces.particle_sides.in_storage_order(self.panels, sorting.order)
+        return surfaces.particle_sides.in_storage_order(
+            self.panels, sorting.order, sorting.start, surfaces.near_any
+        )
 
     def _shares(self, nodes: int) -> sp.csr_matrix:
         return self._wall.weights(nodes)

@@ -64,20 +64,39 @@ class Sides:
 
     @classmethod
     def empty(cls, channels: int, count: int, dtype: np.dtype) -> Sides:
-        """Return the sides of ``count`` points out of reach of all walls."""
+        """Return the sides of ``count`` points out of reach of all walls.
+
+        Memory that is never written to costs nothing.
+        """
         shape = (channels, count)
         return cls(np.zeros(shape, dtype), np.zeros(shape, dtype), np.zeros((channels, 3, count), dtype))
 
-    @classmethod
-    def room(cls, channels: int, count: int, dtype: np.dtype) -> Sides:
-        """Return room for the sides of ``count`` points, for :func:`~cwmav_sim.sph.visibility.locate`."""
-        shape = (channels, count)
-        return cls(np.empty(shape, dtype), np.empty(shape, dtype), np.empty((channels, 3, count), dtype))
+    def in_storage_order(
+        self, panels: int, order: IntArray, start: IntArray, near: NDArray[np.bool_]
+    ) -> Sides:
+        """Return the sides of the walls themselves, put from cell order under the numbers ``order``.
 
-    def in_storage_order(self, panels: int, order: IntArray) -> Sides:
-        """Return the sides of the walls themselves, put from cell order under the numbers ``order``."""
+        Parameters
+        ----------
+        panels : int
+            Number of walls.
+        order, start : ndarray
+            Number of the point at every place and first place of every cell.
+        near : ndarray, shape (cells,), bool
+            Cells that may hold points within reach of a wall.
+        """
         out = Sides.empty(panels, len(order), self.signed.dtype)
-        _in_storage_order(self.signed, self.inside, self.normal, order, out.signed, out.inside, out.normal)
+        _in_storage_order(
+            self.signed,
+            self.inside,
+            self.normal,
+            order,
+            start,
+            np.flatnonzero(near),
+            out.signed,
+            out.inside,
+            out.normal,
+        )
         return out
 
     def take(self, places: IntArray) -> Sides:
@@ -160,9 +179,9 @@ def locate_surfaces(
             sides.normal,
         )
 
-    particle_sides = Sides.room(channels, fluid.shape[1], dtype)
+    particle_sides = Sides.empty(channels, fluid.shape[1], dtype)
     locate(fluid, column, start, -1, particle_sides)
-    element_sides = Sides.room(channels, elements.rows.shape[1], dtype)
+    element_sides = Sides.empty(channels, elements.rows.shape[1], dtype)
     for panel in range(panels):
         locate(elements.rows, elements.column, elements.start[panel], panel, element_sides)
     element_sides.signed[np.abs(element_sides.signed) < ON_WALL * grid.cell[0]] = 0.0
@@ -207,16 +226,20 @@ def _in_storage_order(
     inside: NDArray,
     normal: NDArray,
     order: IntArray,
+    start: IntArray,
+    cells: IntArray,
     signed_out: NDArray,
     inside_out: NDArray,
     normal_out: NDArray,
 ) -> None:
     zero = signed.dtype.type(0.0)
-    for j in nb.prange(order.shape[0]):
-        for c in range(signed_out.shape[0]):
-            if signed[c, j] == zero and inside[c, j] == zero:
-                continue
+    for number in nb.prange(cells.shape[0]):
+        cell = cells[number]
+        for j in range(start[cell], start[cell + 1]):
             i = order[j]
-            signed_out[c, i], inside_out[c, i] = signed[c, j], inside[c, j]
-            for q in range(3):
-                normal_out[c, q, i] = normal[c, q, j]
+            for c in range(signed_out.shape[0]):
+                if signed[c, j] == zero and inside[c, j] == zero:
+                    continue
+                signed_out[c, i], inside_out[c, i] = signed[c, j], inside[c, j]
+                for q in range(3):
+                    normal_out[c, q, i] = normal[c, q, j]

@@ -94,7 +94,7 @@ def locate(
     points, column, start : ndarray
         Sorted points (at least three rows), x index of their cells, first place of every cell.
     own : int
-        Panel the points lie on, or -1; its distance is left zero.
+        Panel the points lie on, or -1; its distance stays zero.
     probes, probe_column, probe_start : ndarray
         Packed probes (10 rows), their columns, first places per panel, shape (p, cells + 1).
     room : int
@@ -104,13 +104,12 @@ def locate(
     near : ndarray, shape (channels, cells), bool
         Cells to look at.
     signed, inside : ndarray, shape (channels, n)
-        Filled with s and d [m]; a zero s means far away. Channels beyond the panels are mirror images.
+        Zeros, filled with s and d [m]; s stays zero far away. Channels beyond the panels are mirror images.
     normal : ndarray, shape (channels, 3, n)
-        Filled with the normal at the nearest probe.
+        Likewise filled with the normal at the nearest probe.
     """
     nx, ny = integers[0], integers[1]
     panels, channels = probe_start.shape[0], signed.shape[0]
-    zero = cell.dtype.type(0.0)
     for chunk in nb.prange(CHUNKS):
         begin, runs = slab_space()
         buf = aligned_rows(PROBE_ROWS, room, cell)
@@ -125,9 +124,6 @@ def locate(
                 for cz in range(z0, z1):
                     c = (cz * ny + cy) * nx + cx
                     close |= near[channel, c] and start[c + 1] > start[c]
-                    for i in range(start[c], start[c + 1]):
-                        signed[channel, i] = zero
-                        inside[channel, i] = zero
                 panel = channel % panels
                 if not close or channel == own:
                     continue

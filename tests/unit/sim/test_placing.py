@@ -108,6 +108,6 @@ def test_a_panel_of_which_the_set_back_leaves_nothing_is_out_of_reach():
     sorting = sort_into_cells(np.array([[0.05, 0.05, 0.01], [0.002, 0.002, 0.051]]), grid)
     fluid = np.ascontiguousarray(sorting.local.T)
     found = locate_surfaces(q, q.place(nodes), grid, fluid, sorting.column.astype(float), sorting.start)
-    own = found.particle_sides.in_storage_order(2, sorting.order)
+    own = found.particle_sides.in_storage_order(2, sorting.order, sorting.start, found.near_any)
     assert own.signed[0, 0] == pytest.approx(0.01)
     assert not own.signed[1].any()
