@@ -14,16 +14,16 @@ import numba as nb
 import numpy as np
 
 from cwmav_sim.sph.gather import (
-    ANY_IMAGE,
     FIRST,
     LAST,
+    MOST_RUNS,
     PADDING,
     REACH,
     SLABS,
+    Runs,
     aligned_rows,
     any_marked,
     fill,
-    slab_runs,
 )
 from cwmav_sim.sph.nearby import add_back, keep_nearby, keep_same
 from cwmav_sim.sph.visibility import count_sides, gather_sides
@@ -64,6 +64,8 @@ class Walls(NamedTuple):
         What particles return to them.
     begin : ndarray, shape (channels, slabs + 1), int
         First entry of every slab of a stretch.
+    runs, counts : ndarray, shape (channels, slabs, most, 6) and (channels, slabs), int
+        Where the entries of a stretch come from (see ``gather.Runs``).
     entries : ndarray, shape (channels,), int
         Number of entries kept for a cell.
     kept, looks : ndarray, shape (channels, room, 2) and (channels,)
@@ -77,6 +79,8 @@ class Walls(NamedTuple):
     above: Any
     reaction: Any
     begin: Any
+    runs: Any
+    counts: Any
     entries: Any
     kept: Any
     looks: Any
@@ -105,6 +109,8 @@ def wall_space(channels, room, like):
         np.zeros((channels, channels), np.int32),
         np.empty((channels, REACTION_SIZE, room), like.dtype),
         np.empty((channels, SLABS + 1), np.int64),
+        np.empty((channels, SLABS, MOST_RUNS, 6), np.int64),
+        np.empty((channels, SLABS), np.int64),
         np.zeros(channels, np.int64),
         np.empty((channels, room, 2), np.uint64),
         np.zeros(channels, np.int64),
@@ -112,7 +118,7 @@ def wall_space(channels, room, like):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_walls(packed, sides, near, integers, cell, place, runs, around, walls):
+def gather_walls(packed, sides, near, slabs, integers, cell, place, around, walls):
     """Fill the buffers of the walls around a stretch.
 
     Parameters
@@ -123,48 +129,45 @@ def gather_walls(packed, sides, near, integers, cell, place, runs, around, walls
         Distances ``signed`` and ``inside`` of the elements from the other walls, shape (channels, m).
     near : ndarray, shape (channels, cells), bool
         Cells that have elements of a wall around them.
+    slabs : tuple of 2 int
+        From :func:`~cwmav_sim.sph.gather.marked_slabs`; of others the distances are not needed.
     integers, cell : ndarray
         Grid integers and cell extent.
     place : tuple of 5 int
         From :func:`~cwmav_sim.sph.gather.stretch`.
-    runs : ndarray
-        Working space.
     around : ndarray, shape (channels,), bool
         Filled: which walls have elements around.
     walls : Walls
-        Filled: rows, distances, ``begin``; reactions are set to zero.
+        Filled: rows, distances, ``begin`` and ``runs``; reactions are set to zero.
     """
     rows, column, start = packed
     panels, channels = start.shape[0], around.shape[0]
-    slabs = place[3] - place[2] + 2 * REACH
+    last = place[3] - place[2] + 2 * REACH
     for channel in range(channels):
         # A wall without elements around here is out of reach of every particle of the stretch.
         around[channel] = any_marked(near[channel], integers, place)
         if not around[channel]:
             continue
         points, image = (rows, column, start[channel % panels]), 1 if channel < panels else -1
-        fill(points, ELEMENTS, image, integers, cell, place, runs, walls.rows[channel], walls.begin[channel])
+        buf, begin, runs = walls.rows[channel], walls.begin[channel], runs_of(walls, channel)
+        fill(points, ELEMENTS, image, integers, cell, place, runs, buf, begin)
+        walls.reaction[channel, :, : begin[last] + PADDING] = 0.0
     for channel in range(channels):
-        if not around[channel]:
-            continue
-        walls.reaction[channel, :, : walls.begin[channel, slabs] + PADDING] = 0.0
-        if not _others(around, channel):
-            continue
-        first, image = start[channel % panels], 1 if channel < panels else -1
-        gather_sides(sides[0], first, integers, place, image, panels, runs, around, walls.signed[channel])
-        gather_sides(sides[1], first, integers, place, image, panels, runs, around, walls.inside[channel])
+        if around[channel] and _others(around, channel):
+            begin, runs = walls.begin[channel], runs_of(walls, channel)
+            signed, inside = walls.signed[channel], walls.inside[channel]
+            gather_sides(sides[0], sides[1], begin, runs, slabs, panels, around, signed, inside)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_particle_sides(signed, inside, start, integers, place, panels, runs, around, sides):
-    """Fill the distances of everything around a stretch from the walls ``around``."""
-    gather_sides(signed, start, integers, place, ANY_IMAGE, panels, runs, around, sides.signed)
-    gather_sides(inside, start, integers, place, ANY_IMAGE, panels, runs, around, sides.inside)
+def runs_of(walls, channel):
+    """Return where the entries of a channel come from."""
+    return Runs(walls.runs[channel], walls.counts[channel])
 
 
 @nb.njit(cache=True, error_model="numpy")
 def keep_sides(sides, kept, looks, n, orders, around, out):
-    """Bring the sides of a stretch to the ``n`` entries that were kept for a cell, and count them."""
+    """Bring the sides of a stretch to the ``n`` entries kept for a cell with walls ``around``; count them."""
     for channel in range(around.shape[0]):
         if around[channel]:
             keep_same(sides.signed, channel, kept, looks, orders, out.signed)
@@ -174,7 +177,7 @@ def keep_sides(sides, kept, looks, n, orders, around, out):
 
 @nb.njit(cache=True, error_model="numpy")
 def keep_walls(walls, slab, box, reach2, orders, around, out):
-    """Keep of the walls around a stretch what lies within reach of a cell; its reactions are set to zero."""
+    """Keep of the walls ``around`` a cell what lies within its reach; its reactions are set to zero."""
     channels = around.shape[0]
     for channel in range(channels):
         out.entries[channel] = 0
@@ -217,20 +220,22 @@ def add_reactions(nearby, around, walls):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def return_reactions(buf, begin, start, integers, place, image, mass, runs, out):
-    """Add the buffered reactions of a stretch to their elements; those on images are mirrored back."""
-    cx, cy, z0, z1, centre = place
-    for slab in range(z1 - z0 + 2 * REACH):
-        m = begin[slab]
-        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
-        for run in range(count):
-            first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
-            for q in range(REACTION_SIZE):
-                factor = image * mass if q == 1 else mass
-                source, target = buf[q][m : m + length], out[q][first : first + length]
-                for j in range(length):
-                    target[j] += factor * source[j]
-            m += length
+def return_reactions(walls, around, panels, place, mass, out):
+    """Add the buffered reactions of a stretch to its elements; those on images are mirrored back."""
+    for channel in range(around.shape[0]):
+        if not around[channel]:
+            continue
+        buf, begin, runs = walls.reaction[channel], walls.begin[channel], runs_of(walls, channel)
+        for slab in range(place[3] - place[2] + 2 * REACH):
+            m, rows = begin[slab], runs.rows[slab]
+            for run in range(runs.count[slab]):
+                first, length = rows[run, FIRST], rows[run, LAST] - rows[run, FIRST]
+                for q in range(REACTION_SIZE):
+                    factor = -mass if q == 1 and channel >= panels else mass
+                    source, target = buf[q][m : m + length], out[q][first : first + length]
+                    for j in range(length):
+                        target[j] += factor * source[j]
+                m += length
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -48,13 +48,15 @@ def own_factors(scale, density, keep_diffusion, k):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def store_rates(sums, scale, density, place, acceleration, density_rate, shift):
-    """Turn the fluid sums of a particle into rates of change (float64)."""
+def store_rates(sums, scale, density, place, shifting, acceleration, density_rate, shift):
+    """Turn the fluid sums of a particle into rates of change (float64); ``shift`` only when ``shifting``."""
     rho = scale[RHO0] + density
     slope = scale[SLOPE]
     for q in range(3):
         acceleration[place, q] = -slope / rho * sums[1 + q]
-        shift[place, q] = slope * sums[4 + q]
+    if shifting:
+        for q in range(3):
+            shift[place, q] = slope * sums[4 + q]
     density_rate[place] = slope * rho * sums[0]
 
 
@@ -99,7 +101,8 @@ def fluid_pass(
     orders : ndarray
         From :func:`~cwmav_sim.sph.blocks.lane_orders`.
     acceleration, density_rate, shift : ndarray, shape (n, 3), (n,) and (n, 3), float64
-        Filled, under the numbers of the particles; the last is the shifting vector [1/m].
+        Filled, under the numbers of the particles; the last is the shifting vector [1/m], which comes as
+        zeros and stays so when it is not wanted.
     """
     nx, ny = integers[0], integers[1]
     for chunk in nb.prange(CHUNKS):
@@ -125,6 +128,6 @@ def fluid_pass(
                     a = read_particle(fluid, offset, i)
                     own = own_factors(scale, a[6], True, k)
                     sums = sum_pairs(a, own, nearby, nearby[VOLUME], n, k, shifting, work)
-                    store_rates(sums, scale, a[6], order[i], acceleration, density_rate, shift)
+                    store_rates(sums, scale, a[6], order[i], shifting, acceleration, density_rate, shift)
         held(own_space)
         restore_mode(mode)

@@ -11,6 +11,8 @@ buffer are relative to the centre of the stretch; periodic images and mirror ima
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numba as nb
 import numpy as np
 
@@ -19,7 +21,7 @@ from cwmav_sim.sph.blocks import BLOCK, add_block, scaled_block
 REACH = 2
 STRETCH = 16  # cells along z that share a buffer, at most
 SLABS = STRETCH + 2 * REACH
-CHUNKS = 64  # independent parts of a pass
+CHUNKS = 64  # independent parts of a pass; a power of two
 HAND = 8  # stretches that a part gets at once
 PADDING = BLOCK  # entries behind the last, which may be looked at together with it
 FAR = 1.0e3  # metres; padding entries lie here, outside every support
@@ -29,6 +31,21 @@ ANY_IMAGE = 0  # points as they are and mirror images alike
 
 # Columns of a run: first and last place, shift in x, y and z [cells], sign of y.
 FIRST, LAST, SHIFT_X, SHIFT_Y, SHIFT_Z, SIGN = range(6)
+
+
+class Runs(NamedTuple):
+    """Runs of memory around a stretch, slab by slab.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (SLABS, MOST_RUNS, 6), int
+        First and last place, shift and sign of every run.
+    count : ndarray, shape (SLABS,), int
+        Number of runs of every slab.
+    """
+
+    rows: Any
+    count: Any
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -155,8 +172,8 @@ def fill(points, rows, image, integers, cell, place, runs, buf, begin):
         Grid integers and cell extent.
     place : tuple of 5 int
         From :func:`stretch`.
-    runs : ndarray, shape (MOST_RUNS, 6), int
-        Working space.
+    runs : Runs
+        Filled with where the entries come from.
     buf : ndarray, shape (rows, room)
         Filled.
     begin : ndarray, shape (SLABS + 1,), int
@@ -169,8 +186,10 @@ def fill(points, rows, image, integers, cell, place, runs, buf, begin):
     slabs = z1 - z0 + 2 * REACH
     for slab in range(slabs):
         begin[slab] = m
-        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
-        m = gather_rows(packed, column, runs, count, cell, vectors, scalars, buf, m)
+        here = runs.rows[slab]
+        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, here)
+        runs.count[slab] = count
+        m = gather_rows(packed, column, here, count, cell, vectors, scalars, buf, m)
     begin[slabs] = m
     _pad(buf, m)
 
@@ -189,8 +208,9 @@ def aligned_rows(rows, room, like):
 
 @nb.njit(cache=True, error_model="numpy")
 def slab_space():
-    """Return room for the first entry of every slab of a buffer and for the runs of one."""
-    return np.empty(SLABS + 1, np.int64), np.empty((MOST_RUNS, 6), np.int64)
+    """Return room for the first entry of every slab of a buffer and for the runs of memory."""
+    runs = Runs(np.empty((SLABS, MOST_RUNS, 6), np.int64), np.empty(SLABS, np.int64))
+    return np.empty(SLABS + 1, np.int64), runs
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -204,10 +224,22 @@ def share(integers):
 def dealt(integers, chunk, turn):
     """Return the number of the stretch that a chunk gets at its turn, or -1 beyond the grid.
 
-    Neighbours are dealt to the same chunk, a handful at a time: they copy much the same points.
+    Neighbours are dealt to the same chunk, a handful at a time: they copy much the same points. Threads take
+    chunks one after the other, a contiguous part each, so the handfuls beside each other go to chunks far
+    apart: stretches near walls, which take longer, are then shared evenly.
     """
-    number = (turn // HAND * CHUNKS + chunk) * HAND + turn % HAND
+    own, turns = _reversed(np.int64(chunk)), np.int64(turn)  # loop variables may be of either kind
+    number = (turns // HAND * CHUNKS + own) * HAND + turns % HAND
     return number if number < integers[0] * integers[1] * _parts(integers) else -1
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _reversed(chunk):
+    """Return the number of a chunk with its binary digits in the opposite order."""
+    out, left, rest = np.int64(0), chunk, CHUNKS - 1
+    while rest > 0:
+        out, left, rest = 2 * out + left % 2, left // 2, rest // 2
+    return out
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -223,6 +255,20 @@ def stretch(integers, number):
     part = number // (nx * ny)
     z0, z1 = part * nz // parts, (part + 1) * nz // parts
     return number % nx, number // nx % ny, z0, z1, (z0 + z1) // 2
+
+
+@nb.njit(cache=True, error_model="numpy")
+def marked_slabs(cells, integers, place):
+    """Return the first slab around the marked cells of a stretch and the one after the last.
+
+    Both are the same where no cell is marked in ``cells``, shape (cells,), bool.
+    """
+    cx, cy, z0, z1, _ = place
+    first, last = z1, z1
+    for cz in range(z0, z1):
+        if cells[(cz * integers[1] + cy) * integers[0] + cx]:
+            first, last = min(first, cz), cz + 2 * REACH + 1
+    return first - z0, last - z0
 
 
 @nb.njit(cache=True, error_model="numpy")

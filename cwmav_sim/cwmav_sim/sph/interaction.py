@@ -224,7 +224,7 @@ class Interaction:
     ) -> Rates:
         integers = self._grid.integers
         n = particles.count
-        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
+        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.zeros((n, 3))
         forces.fluid_pass(
             fluid,
             column,
@@ -276,7 +276,7 @@ class Interaction:
         integers = self._grid.integers
         elements, sides = surfaces.elements, surfaces.particle_sides
         n = particles.count
-        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
+        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.zeros((n, 3))
         loads = np.zeros((CHUNKS, self.panels, forces.LOAD_SIZE))
         count = elements.rows.shape[1]
         parts = np.zeros((CHUNKS, REACTION_SIZE, count)) if reactions else None

@@ -103,7 +103,7 @@ def air_pass(
                     sees = _sees(a, solid_nearby, n_wall, k[HALF_OVER_H])
                     own = own_factors(scale, a[6], keep_diffusion or not sees, k)
                     sums = _sums(a, own, nearby, n, k, shifting, work)
-                    store_rates(sums, scale, a[6], at, acceleration, density_rate, shift)
+                    store_rates(sums, scale, a[6], at, shifting, acceleration, density_rate, shift)
                     if sees:
                         own = own_factors(scale, a[6], False, k)
                         sums = _sums(a, own, solid_nearby, n_wall, k, shifting, solid_work)

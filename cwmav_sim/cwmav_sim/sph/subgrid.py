@@ -16,21 +16,21 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_sim.sph.around import gather_particle_sides, keep_sides, side_space
+from cwmav_sim.sph.around import keep_sides, side_space
 from cwmav_sim.sph.gather import (
     ANY_IMAGE,
     CHUNKS,
     aligned_rows,
-    any_marked,
     dealt,
     fill,
+    marked_slabs,
     share,
     stretch,
 )
 from cwmav_sim.sph.lending import held, lent
 from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
-from cwmav_sim.sph.visibility import hide
+from cwmav_sim.sph.visibility import gather_sides, hide
 
 SMAGORINSKY, ISOTROPIC = 0.12, 0.0066
 
@@ -131,8 +131,8 @@ def _pass(
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             fill((packed, column, start), _LAYOUT, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            if any_marked(near, integers, place):
-                gather_particle_sides(signed, inside, start, integers, place, panels, runs, every, sides)
+            slabs = marked_slabs(near, integers, place)
+            gather_sides(signed, inside, begin, runs, slabs, panels, every, sides.signed, sides.inside)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:

@@ -29,10 +29,10 @@ from cwmav_sim.sph.gather import (
     dealt,
     fill,
     share,
-    slab_runs,
     slab_space,
     stretch,
 )
+from cwmav_sim.sph.lending import held, lent
 
 # Rows of packed probes: position, normal, inward direction, distance inside the outline.
 PROBES = 3, 1  # vectors and scalars
@@ -111,8 +111,8 @@ def locate(
     nx, ny = integers[0], integers[1]
     panels, channels = probe_start.shape[0], signed.shape[0]
     for chunk in nb.prange(CHUNKS):
-        begin, runs = slab_space()
-        buf = aligned_rows(PROBE_ROWS, room, cell)
+        own_space = slab_space(), aligned_rows(PROBE_ROWS, room, cell)
+        (begin, runs), buf = lent(own_space)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
@@ -150,6 +150,7 @@ def locate(
                             inside,
                             normal,
                         )
+        held(own_space)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -171,29 +172,30 @@ def _measure(x, y, z, buf, first, last, channel, i, signed, inside, normal):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_sides(sides, start, integers, place, image, panels, runs, wanted, buf):
-    """Copy wall distances, shape (channels, n), of what :func:`~cwmav_sim.sph.gather.fill` copies.
+def gather_sides(signed, inside, begin, runs, slabs, panels, wanted, signed_out, inside_out):
+    """Copy the wall distances of what :func:`~cwmav_sim.sph.gather.fill` copied.
 
-    In a mirror a wall and its image swap places. Only the channels that are ``wanted``, shape (channels,),
-    are copied.
+    Only ``slabs`` from the first to the one before the last are copied, and of the channels those that are
+    ``wanted``, shape (channels,). In a mirror a wall and its image swap places.
     """
-    cx, cy, z0, z1, centre = place
-    channels = sides.shape[0]
-    one, zero = buf.dtype.type(1.0), buf.dtype.type(0.0)
-    m = 0
-    for slab in range(z1 - z0 + 2 * REACH):
-        count = slab_runs(start, integers, cx, cy, centre, z0 - REACH + slab - centre, image, runs)
-        for run in range(count):
-            first, length = runs[run, FIRST], runs[run, LAST] - runs[run, FIRST]
+    channels = signed.shape[0]
+    one, zero = signed_out.dtype.type(1.0), signed_out.dtype.type(0.0)
+    for slab in range(slabs[0], slabs[1]):
+        m, rows = begin[slab], runs.rows[slab]
+        for run in range(runs.count[slab]):
+            first, length = rows[run, FIRST], rows[run, LAST] - rows[run, FIRST]
+            blocks = min((length + BLOCK - 1) // BLOCK, (signed.shape[1] - first) // BLOCK)
             for c in range(channels):
                 if not wanted[c]:
                     continue
-                source = c if runs[run, SIGN] > 0 else (c + panels) % channels
-                blocks = min((length + BLOCK - 1) // BLOCK, (sides.shape[1] - first) // BLOCK)
+                source = c if rows[run, SIGN] > 0 else (c + panels) % channels
                 for block in range(blocks):
-                    scaled_block(buf, c, m + block * BLOCK, sides, source, first + block * BLOCK, one, zero)
+                    at, of = m + block * BLOCK, first + block * BLOCK
+                    scaled_block(signed_out, c, at, signed, source, of, one, zero)
+                    scaled_block(inside_out, c, at, inside, source, of, one, zero)
                 for j in range(blocks * BLOCK, length):
-                    buf[c, m + j] = sides[source, first + j]
+                    signed_out[c, m + j] = signed[source, first + j]
+                    inside_out[c, m + j] = inside[source, first + j]
             m += length
 
 

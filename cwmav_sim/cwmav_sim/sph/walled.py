@@ -12,7 +12,6 @@ import numpy as np
 
 from cwmav_sim.sph.around import (
     add_reactions,
-    gather_particle_sides,
     gather_walls,
     keep_sides,
     keep_walls,
@@ -34,9 +33,9 @@ from cwmav_sim.sph.gather import (
     ANY_IMAGE,
     CHUNKS,
     aligned_rows,
-    any_marked,
     dealt,
     fill,
+    marked_slabs,
     share,
     stretch,
 )
@@ -44,16 +43,18 @@ from cwmav_sim.sph.lending import held, lent
 from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, WORK_ROWS, sum_pairs
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
-from cwmav_sim.sph.visibility import hide
+from cwmav_sim.sph.visibility import gather_sides, hide
 from cwmav_sim.sph.wall import AREA, sum_wall
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _add_wall(sums, scale, density, at, place, acceleration, density_rate, shift, load):
+def _add_wall(sums, scale, density, at, place, shifting, rates, load):
     """Add the wall sums of a particle to its rates and take the opposite force, at its place, to the wall."""
+    acceleration, density_rate, shift = rates
     for q in range(3):
         acceleration[place, q] += sums[q] + sums[3 + q]
-        shift[place, q] += sums[7 + q]
+        if shifting:
+            shift[place, q] += sums[7 + q]
         load[q] -= scale[MASS] * sums[q]
         load[3 + q] -= scale[MASS] * sums[3 + q]
     load[6] -= scale[MASS] * sums[10]
@@ -137,8 +138,8 @@ def walled_pass(
         flow, (sides, nearby_sides), (walls, nearby_walls), work, (weight, area), others = lent(own_space)
         buf, begin, runs, nearby, kept = flow
         load, around = others
-        signed_a, inside_a, own_loads = lent((signed, inside, loads[chunk]))
-        packed = (elements, element_column, element_start)
+        signed_a, inside_a, near_of, own_loads = lent((signed, inside, near, loads[chunk]))
+        packed, beside = (elements, element_column, element_start), (element_signed, element_inside)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
@@ -146,11 +147,11 @@ def walled_pass(
             place = stretch(integers, number)
             cx, cy, z0, z1, centre = place
             fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            close = any_marked(near_any, integers, place)
+            slabs = marked_slabs(near_any, integers, place)
+            close = slabs[1] > slabs[0]
             if close:
-                beside = (element_signed, element_inside)
-                gather_walls(packed, beside, near, integers, cell, place, runs, around, walls)
-                gather_particle_sides(signed, inside, start, integers, place, panels, runs, around, sides)
+                gather_walls(packed, beside, near_of, slabs, integers, cell, place, around, walls)
+                gather_sides(signed, inside, begin, runs, slabs, panels, around, sides.signed, sides.inside)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
                 if start[c + 1] == start[c]:
@@ -163,10 +164,10 @@ def walled_pass(
                         a = read_particle(fluid, offset, i)
                         own = own_factors(scale, a[6], True, k)
                         sums = sum_pairs(a, own, nearby, nearby[VOLUME], n, k, shifting, work)
-                        store_rates(sums, scale, a[6], order[i], acceleration, density_rate, shift)
+                        store_rates(sums, scale, a[6], order[i], shifting, acceleration, density_rate, shift)
                     continue
-                keep_sides(sides, kept, looks, n, orders, around, nearby_sides)
-                keep_walls(walls, cz - z0, box, reach2, orders, around, nearby_walls)
+                keep_sides(sides, kept, looks, n, orders, near_of[:, c], nearby_sides)
+                keep_walls(walls, cz - z0, box, reach2, orders, near_of[:, c], nearby_walls)
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
                     s_a, d_a = signed_a[:, i], inside_a[:, i]
@@ -184,7 +185,7 @@ def walled_pass(
                     number_a = order[i]
                     own = own_factors(scale, a[6], keep_diffusion, k)
                     sums = sum_pairs(a, own, nearby, seen, n, k, shifting, work)
-                    store_rates(sums, scale, a[6], number_a, acceleration, density_rate, shift)
+                    store_rates(sums, scale, a[6], number_a, shifting, acceleration, density_rate, shift)
                     at = (
                         corner[0] + (cx + 0.5) * cell[0] + a[0],
                         corner[1] + (cy + 0.5) * cell[1] + a[1],
@@ -212,9 +213,8 @@ def walled_pass(
                             returned = nearby_walls.reaction[channel]
                             sums_wall = sum_wall(a, s_a[channel], rows, faced, n_wall, wall_k, returned)
                         load[:] = 0.0
-                        _add_wall(
-                            sums_wall, scale, a[6], at, number_a, acceleration, density_rate, shift, load
-                        )
+                        rates = acceleration, density_rate, shift
+                        _add_wall(sums_wall, scale, a[6], at, number_a, shifting, rates, load)
                         if channel >= panels:  # the load on an image is the mirror of one on the wall itself
                             for q in (1, 4, 8, 10):
                                 load[q] = -load[q]
@@ -223,18 +223,6 @@ def walled_pass(
                 if reactions is not None:
                     add_reactions(nearby_walls, around, walls)
             if close and reactions is not None:
-                for channel in range(channels):
-                    if around[channel]:
-                        return_reactions(
-                            walls.reaction[channel],
-                            walls.begin[channel],
-                            element_start[channel % panels],
-                            integers,
-                            place,
-                            1 if channel < panels else -1,
-                            scale[MASS],
-                            runs,
-                            reactions[chunk],
-                        )
+                return_reactions(walls, around, panels, place, scale[MASS], reactions[chunk])
         held(own_space)
         restore_mode(mode)

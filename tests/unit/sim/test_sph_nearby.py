@@ -12,7 +12,6 @@ from cwmav_sim.sph.gather import (
     ANY_IMAGE,
     CHUNKS,
     FAR,
-    MOST_RUNS,
     REACH,
     SLABS,
     STRETCH,
@@ -20,6 +19,7 @@ from cwmav_sim.sph.gather import (
     dealt,
     fill,
     share,
+    slab_space,
     stretch,
 )
 from cwmav_sim.sph.nearby import MULTIPLE, add_back, box_around, keep_nearby, keep_same
@@ -145,7 +145,7 @@ def test_room_holds_the_fullest_surroundings(mirrored, nz):
     points = np.zeros((3, total), np.float32), np.zeros(total, np.float32), start[0]
     room = buffer_room(start[0], integers)
     buf, begin = np.zeros((3, room + 1000), np.float32), np.zeros(SLABS + 1, np.int64)
-    runs, most = np.zeros((MOST_RUNS, 6), np.int64), 0
+    (_, runs), most = slab_space(), 0
     for number in range(nx * ny * -(-nz // STRETCH)):
         place = stretch(integers, number)
         fill(points, (1, 0), ANY_IMAGE, integers, np.ones(3, np.float32), place, runs, buf, begin)
