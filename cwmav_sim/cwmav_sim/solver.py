@@ -215,20 +215,16 @@ class Solver:
         begin = float(self._grid.low[0] + self._grid.size[0]) - fringe.width
         rho0 = self._settings.fluid.density
         around = np.array([self._grid.low[2], self._grid.size[2] if fringe.around else 0.0])
-        before = self.kinetic_energy()
         change = relax(
             air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt, around
         )
-        self.fringe_impulse += air.mass * change
-        self.fringe_work += self.kinetic_energy() - before
+        self.fringe_impulse += air.mass * change[:3]
+        self.fringe_work += air.mass * float(change[3])
 
     def _confine(self, air: Particles) -> None:
         """Bring particles that left the box back: around its periodic faces, off its mirrors."""
         if self._grid.mirrored:
-            low, high = self._grid.low[1], self._grid.low[1] + self._grid.size[1]
-            for face, beyond in ((low, air.x[:, 1] < low), (high, air.x[:, 1] > high)):
-                air.x[beyond, 1] = 2.0 * face - air.x[beyond, 1]
-                air.v[beyond, 1] *= -1.0
+            self._grid.reflect(air.x, air.v)
         self._grid.wrap(air.x)
 
     def _next_step(self, first: Rates, second: Rates, nodes: Nodes | None) -> float:

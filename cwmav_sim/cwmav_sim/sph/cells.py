@@ -65,6 +65,10 @@ class Grid:
         """Bring positions ``x``, shape (n, 3), back into the box, in place."""
         _wrap(x, self.low, self.size, self.mirrored)
 
+    def reflect(self, x: FloatArray, v: FloatArray) -> None:
+        """Bring positions and velocities, shape (n, 3), back from behind the mirrors, in place."""
+        _reflect(x, v, float(self.low[1]), float(self.low[1] + self.size[1]))
+
 
 def make_grid(low: FloatArray, size: FloatArray, h: float, *, mirrored: bool, dimensions: int) -> Grid:
     """Divide a box into cells no smaller than ``h`` [m].
@@ -112,6 +116,15 @@ class Sorting:
 def sort_into_cells(x: FloatArray, grid: Grid) -> Sorting:
     """Sort positions ``x`` [m], shape (n, 3), inside the box, stably by cell."""
     return Sorting(*_sort(x, grid.low, grid.cell, grid.integers, grid.cells))
+
+
+@nb.njit(cache=True, parallel=True)
+def _reflect(x: FloatArray, v: FloatArray, low: float, high: float) -> None:
+    for i in nb.prange(x.shape[0]):
+        if x[i, 1] < low or x[i, 1] > high:
+            face = low if x[i, 1] < low else high
+            x[i, 1] = 2.0 * face - x[i, 1]
+            v[i, 1] = -v[i, 1]
 
 
 @nb.njit(cache=True, parallel=True)

@@ -57,10 +57,11 @@ def relax(
 
     Returns
     -------
-    ndarray, shape (3,)
-        Sum of the velocity changes [m/s]; times the particle mass, the impulse given to the air.
+    ndarray, shape (4,)
+        Sums of the velocity changes [m/s] and of the changes of half the squared speed [m2/s2]; times the
+        particle mass, the impulse and the work given to the air.
     """
-    n, parts = x.shape[0], np.zeros((_PARTS, 3))
+    n, parts = x.shape[0], np.zeros((_PARTS, 4))
     for part in nb.prange(_PARTS):
         for i in range(part * n // _PARTS, (part + 1) * n // _PARTS):
             shape = _shape((x[i, 0] - begin) / width)
@@ -72,7 +73,8 @@ def relax(
             keep = math.exp(-rate * shape * dt)
             for q in range(3):
                 delta = (1.0 - keep) * (stream[q] - v[i, q])
-                v[i, q] += delta
                 parts[part, q] += delta
+                parts[part, 3] += delta * (v[i, q] + 0.5 * delta)
+                v[i, q] += delta
             rho[i] = rho0 + keep * (rho[i] - rho0)
     return parts.sum(axis=0)
