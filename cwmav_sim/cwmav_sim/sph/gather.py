@@ -296,7 +296,7 @@ def buffer_room(start: np.ndarray, integers: np.ndarray) -> int:
     integers : ndarray
         Grid integers.
     """
-    entries = _fullest(np.atleast_2d(start), integers) + PADDING + BLOCK
+    entries = int(_fullest(np.atleast_2d(start), integers)) + PADDING + BLOCK
     return (-(-entries // BLOCK) | 1) * BLOCK
 
 

@@ -36,7 +36,7 @@ def held(typingctx: Any, original: Any) -> tuple[Any, Callable]:
 
 
 def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, types.BaseTuple):
+    if hasattr(kind, "types"):  # a tuple, named or not
         parts = cgutils.unpack_tuple(builder, value)
         lent_parts = [
             _uncounted(context, builder, part, one) for part, one in zip(kind.types, parts, strict=True)

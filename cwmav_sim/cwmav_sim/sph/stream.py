@@ -77,4 +77,5 @@ def relax(
                 parts[part, 3] += delta * (v[i, q] + 0.5 * delta)
                 v[i, q] += delta
             rho[i] = rho0 + keep * (rho[i] - rho0)
-    return parts.sum(axis=0)
+    change: FloatArray = parts.sum(axis=0)
+    return change

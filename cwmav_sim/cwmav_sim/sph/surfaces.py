@@ -185,7 +185,7 @@ def locate_surfaces(
     for panel in range(panels):
         locate(elements.rows, elements.column, elements.start[panel], panel, element_sides)
     element_sides.signed[np.abs(element_sides.signed) < ON_WALL * grid.cell[0]] = 0.0
-    return Surfaces(elements, element_sides, near, near.any(axis=0), particle_sides)
+    return Surfaces(elements, element_sides, near, np.asarray(near.any(axis=0)), particle_sides)
 
 
 def _pack(
