@@ -159,33 +159,23 @@ def walled_pass(
                 offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(fluid, start[c], start[c + 1], offset)
                 n, looks = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
-                if not near_any[c]:
-                    for i in range(start[c], start[c + 1]):
-                        a = read_particle(fluid, offset, i)
-                        own = own_factors(scale, a[6], True, k)
-                        sums = sum_pairs(a, own, nearby, nearby[VOLUME], n, k, shifting, work)
-                        store_rates(sums, scale, a[6], order[i], shifting, acceleration, density_rate, shift)
-                    continue
-                keep_sides(sides, kept, looks, n, orders, near_of[:, c], nearby_sides)
-                keep_walls(walls, cz - z0, box, reach2, orders, near_of[:, c], nearby_walls)
+                beside_walls = near_any[c]
+                if beside_walls:
+                    keep_sides(sides, kept, looks, n, orders, near_of[:, c], nearby_sides)
+                    keep_walls(walls, cz - z0, box, reach2, orders, near_of[:, c], nearby_walls)
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
                     s_a, d_a = signed_a[:, i], inside_a[:, i]
-                    seen = hide(
-                        nearby[VOLUME],
-                        s_a,
-                        d_a,
-                        nearby_sides.signed,
-                        nearby_sides.inside,
-                        nearby_sides.below,
-                        nearby_sides.above,
-                        n,
-                        weight[0],
-                    )
+                    seen = nearby[VOLUME]
+                    if beside_walls:
+                        near_s, near_d, below, above = nearby_sides
+                        seen = hide(seen, s_a, d_a, near_s, near_d, below, above, n, weight[0])
                     number_a = order[i]
-                    own = own_factors(scale, a[6], keep_diffusion, k)
+                    own = own_factors(scale, a[6], keep_diffusion or not beside_walls, k)
                     sums = sum_pairs(a, own, nearby, seen, n, k, shifting, work)
                     store_rates(sums, scale, a[6], number_a, shifting, acceleration, density_rate, shift)
+                    if not beside_walls:
+                        continue
                     at = (
                         corner[0] + (cx + 0.5) * cell[0] + a[0],
                         corner[1] + (cy + 0.5) * cell[1] + a[1],
@@ -220,7 +210,7 @@ def walled_pass(
                                 load[q] = -load[q]
                         for q in range(LOAD_SIZE):
                             own_loads[channel % panels, q] += load[q]
-                if reactions is not None:
+                if beside_walls and reactions is not None:
                     add_reactions(nearby_walls, around, walls)
             if close and reactions is not None:
                 return_reactions(walls, around, panels, place, scale[MASS], reactions[chunk])
