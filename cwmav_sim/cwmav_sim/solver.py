@@ -215,9 +215,8 @@ class Solver:
         begin = float(self._grid.low[0] + self._grid.size[0]) - fringe.width
         rho0 = self._settings.fluid.density
         around = np.array([self._grid.low[2], self._grid.size[2] if fringe.around else 0.0])
-        change = relax(
-            air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt, around
-        )
+        parts = relax(air.x, air.v, air.rho, begin, fringe.width, fringe.rate, self._stream, rho0, dt, around)
+        change = parts.sum(axis=0)
         self.fringe_impulse += air.mass * change[:3]
         self.fringe_work += air.mass * float(change[3])
 

@@ -22,7 +22,6 @@ from cwmav_rbdo.sampling import latin_hypercube
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1800)]
 
 NEW = 100_000
-ROUNDING = 2e-6  # of the standard deviation of the function
 ROUNDS = 3
 OPENTURNS_VARIANCES = 2000
 
@@ -142,9 +141,7 @@ def test_error_and_cost_beside_the_peers(benchmarks, function, d, seed):
             ):
                 label = f"Kriging of {function.__name__}, 100 samples: {what}"
                 benchmarks.cost(label, mine[k], unit, theirs[k], name)
-    best = min(rmse for rmse, _, _ in rows.values())
-    # Below a few millionths the rounding of the likelihood decides, and with it the processor.
-    assert mine[0] <= 1.1 * best + ROUNDING
+    assert mine[0] <= 1.1 * min(rmse for rmse, _, _ in rows.values())
 
 
 @pytest.mark.parametrize(("samples", "d"), [(50, 3), (200, 3), (400, 3), (100, 6), (100, 10)])

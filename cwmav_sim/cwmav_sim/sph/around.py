@@ -118,7 +118,7 @@ def wall_space(channels, room, like):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_walls(packed, sides, near, slabs, integers, cell, place, around, walls):
+def gather_walls(packed, sides, near, slabs, integers, cell, place, returning, around, walls):
     """Fill the buffers of the walls around a stretch.
 
     Parameters
@@ -135,10 +135,12 @@ def gather_walls(packed, sides, near, slabs, integers, cell, place, around, wall
         Grid integers and cell extent.
     place : tuple of 5 int
         From :func:`~cwmav_sim.sph.gather.stretch`.
+    returning : bool
+        Whether particles will return reactions, which are set to zero then.
     around : ndarray, shape (channels,), bool
         Filled: which walls have elements around.
     walls : Walls
-        Filled: rows, distances, ``begin`` and ``runs``; reactions are set to zero.
+        Filled: rows, distances, ``begin`` and ``runs``.
     """
     rows, column, start = packed
     panels, channels = start.shape[0], around.shape[0]
@@ -151,7 +153,8 @@ def gather_walls(packed, sides, near, slabs, integers, cell, place, around, wall
         points, image = (rows, column, start[channel % panels]), 1 if channel < panels else -1
         buf, begin, runs = walls.rows[channel], walls.begin[channel], runs_of(walls, channel)
         fill(points, ELEMENTS, image, integers, cell, place, runs, buf, begin)
-        walls.reaction[channel, :, : begin[last] + PADDING] = 0.0
+        if returning:
+            walls.reaction[channel, :, : begin[last] + PADDING] = 0.0
     for channel in range(channels):
         if around[channel] and _others(around, channel):
             begin, runs = walls.begin[channel], runs_of(walls, channel)
@@ -176,8 +179,8 @@ def keep_sides(sides, kept, looks, n, orders, around, out):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def keep_walls(walls, slab, box, reach2, orders, around, out):
-    """Keep of the walls ``around`` a cell what lies within its reach; its reactions are set to zero."""
+def keep_walls(walls, slab, box, reach2, orders, returning, around, out):
+    """Keep of the walls ``around`` a cell what lies within its reach; zero reactions if ``returning``."""
     channels = around.shape[0]
     for channel in range(channels):
         out.entries[channel] = 0
@@ -196,7 +199,8 @@ def keep_walls(walls, slab, box, reach2, orders, around, out):
             kept,
         )
         out.entries[channel], out.looks[channel] = n, looks
-        out.reaction[channel, :, :n] = 0.0
+        if returning:
+            out.reaction[channel, :, :n] = 0.0
         for other in range(channels):
             out.below[channel, other] = out.above[channel, other] = 0
         if n == 0 or not _others(around, channel):

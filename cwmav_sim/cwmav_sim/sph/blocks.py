@@ -108,7 +108,7 @@ def lanes_within(
         for axis in range(3):
             index = (ir.Constant(_I64, axis), of_first)
             origin = _address(context, builder, signature.args[0], of, index)
-            width = _PLACES // (2 if isinstance(origin.type.pointee, ir.DoubleType) else 1)
+            width = LANE_BYTES // _size(origin)
             centred = builder.fsub(
                 _load(builder, origin, width), _splat(builder, builder.extract_value(middle, axis), width)
             )
@@ -136,7 +136,7 @@ def ordered_lanes(
         to, to_first, of, of_first, row_, places = args
         destination = _address(context, builder, signature.args[0], to, (row_, to_first))
         origin = _address(context, builder, signature.args[2], of, (row_, of_first))
-        width = _PLACES // (2 if isinstance(origin.type.pointee, ir.DoubleType) else 1)
+        width = LANE_BYTES // _size(origin)
         values = _load(builder, origin, width)
         groups = builder.bitcast(values, ir.VectorType(ir.FloatType(), _PLACES))
         order_ = builder.zext(

@@ -54,8 +54,10 @@ class Space(NamedTuple):
     ----------
     buf : ndarray, shape (rows, room)
         Everything around the stretch.
-    begin, runs : ndarray
-        First entry of every slab, and working space.
+    begin : ndarray, shape (SLABS + 1,), int
+        First entry of every slab.
+    runs : Runs
+        Where the entries come from.
     nearby : ndarray, shape (rows, room)
         What is within reach.
     kept : ndarray, shape (room, 2), uint64

@@ -25,6 +25,7 @@ def _shape(share: float) -> float:
     return math.sin(math.pi * share) ** 2 if 0.0 < share < 1.0 else 0.0
 
 
+@nb.njit(cache=True, parallel=True, error_model="numpy")
 def relax(
     x: FloatArray,
     v: FloatArray,
@@ -56,30 +57,11 @@ def relax(
 
     Returns
     -------
-    ndarray, shape (4,)
-        Sums of the velocity changes [m/s] and of the changes of half the squared speed [m2/s2]; times the
-        particle mass, the impulse and the work given to the air.
+    ndarray, shape (64, 4)
+        Parts of the sums of the velocity changes [m/s] and of the changes of half the squared speed [m2/s2];
+        times the particle mass, the impulse and the work given to the air.
     """
-    parts = np.zeros((_PARTS, 4))
-    _relax(x, v, rho, begin, width, rate, stream, rho0, dt, around, parts)
-    return np.asarray(parts.sum(axis=0))
-
-
-@nb.njit(cache=True, parallel=True, error_model="numpy")
-def _relax(
-    x: FloatArray,
-    v: FloatArray,
-    rho: FloatArray,
-    begin: float,
-    width: float,
-    rate: float,
-    stream: FloatArray,
-    rho0: float,
-    dt: float,
-    around: FloatArray,
-    parts: FloatArray,
-) -> None:
-    n = x.shape[0]
+    n, parts = x.shape[0], np.zeros((_PARTS, 4))
     for part in nb.prange(_PARTS):
         for i in range(part * n // _PARTS, (part + 1) * n // _PARTS):
             shape = _shape((x[i, 0] - begin) / width)
@@ -95,3 +77,4 @@ def _relax(
                 parts[part, 3] += delta * (v[i, q] + 0.5 * delta)
                 v[i, q] += delta
             rho[i] = rho0 + keep * (rho[i] - rho0)
+    return parts

@@ -124,6 +124,7 @@ def walled_pass(
     """
     nx, ny = integers[0], integers[1]
     channels, panels = signed.shape[0], element_start.shape[0]
+    returning = reactions is not None
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         reach2 = support2(k)
@@ -150,7 +151,7 @@ def walled_pass(
             slabs = marked_slabs(near_any, integers, place)
             close = slabs[1] > slabs[0]
             if close:
-                gather_walls(packed, beside, near_of, slabs, integers, cell, place, around, walls)
+                gather_walls(packed, beside, near_of, slabs, integers, cell, place, returning, around, walls)
                 gather_sides(signed, inside, begin, runs, slabs, panels, around, sides.signed, sides.inside)
             for cz in range(z0, z1):
                 c = (cz * ny + cy) * nx + cx
@@ -162,7 +163,7 @@ def walled_pass(
                 beside_walls = near_any[c]
                 if beside_walls:
                     keep_sides(sides, kept, looks, n, orders, near_of[:, c], nearby_sides)
-                    keep_walls(walls, cz - z0, box, reach2, orders, near_of[:, c], nearby_walls)
+                    keep_walls(walls, cz - z0, box, reach2, orders, returning, near_of[:, c], nearby_walls)
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
                     s_a, d_a = signed_a[:, i], inside_a[:, i]
