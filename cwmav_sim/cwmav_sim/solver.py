@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_common.errors import WorkError
+from cwmav_sim.memory import keep_freed_memory
 from cwmav_sim.sph.cells import make_grid
 from cwmav_sim.sph.crossing import Crossings, passed_through, put_back
 from cwmav_sim.sph.easing import ease
@@ -117,6 +118,7 @@ class Solver:
         self._interaction = interaction(settings, self._grid, self._eos, motion, self.timers)
         self._dt = stable_step(resolution.cfl, self._h, self.sound_speed, 0.0, fluid.viscosity)
         self._sides: Sides | None = None
+        keep_freed_memory()
         self.time = 0.0
         self.steps = 0
         self.crossings = 0
@@ -194,8 +196,10 @@ class Solver:
 
     def _foresee(self, rates: Rates, dt: float) -> None:
         """Let compliant walls foresee their motion in this step from the load at its begin."""
+        if self._wings is None:
+            return
         nodes = self._nodes(self.time)
-        if self._wings is not None and nodes is not None:
+        if nodes is not None:
             with self.timers.phase("structure"):
                 self._wings.foresee(self.time + dt, self._interaction.sheet_load(rates, nodes))
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walls around a stretch of cells, and those of their elements within reach of one cell.
+"""Walls around a patch of cells, and those of their elements within reach of one cell.
 
-Beside the buffer of neighbours (see ``gather``) a stretch near walls has, per channel, a buffer of the
+Beside the buffer of neighbours (see ``gather``) a patch near walls has, per channel, a buffer of the
 elements of a wall or of its mirror image, and the distances of neighbours and elements from all walls. For
 every cell the entries within reach are copied together (see ``nearby``).
 """
@@ -13,19 +13,9 @@ from typing import Any, NamedTuple
 import numba as nb
 import numpy as np
 
-from cwmav_sim.sph.gather import (
-    FIRST,
-    LAST,
-    MOST_RUNS,
-    PADDING,
-    REACH,
-    SLABS,
-    Runs,
-    aligned_rows,
-    any_marked,
-    fill,
-)
+from cwmav_sim.sph.gather import FIRST, LAST, MOST_RUNS, PADDING, Runs, aligned_rows, fill, piece
 from cwmav_sim.sph.nearby import add_back, keep_nearby, keep_same
+from cwmav_sim.sph.patches import ROWS, SLABS, any_marked, slabs_and_rows
 from cwmav_sim.sph.visibility import count_sides, gather_sides
 from cwmav_sim.sph.wall import ELEMENT_ROWS, ELEMENTS
 
@@ -62,14 +52,14 @@ class Walls(NamedTuple):
         Counts of negative and positive distances.
     reaction : ndarray, shape (channels, 4, room)
         What particles return to them.
-    begin : ndarray, shape (channels, slabs + 1), int
-        First entry of every slab of a stretch.
+    begin : ndarray, shape (channels, SLABS * ROWS + 1), int
+        First entry of every row around a patch.
     runs, counts : ndarray, shape (channels, slabs, most, 6) and (channels, slabs), int
-        Where the entries of a stretch come from (see ``gather.Runs``).
+        Where the entries of a patch come from (see ``gather.Runs``).
     entries : ndarray, shape (channels,), int
         Number of entries kept for a cell.
     kept, looks : ndarray, shape (channels, room, 2) and (channels,)
-        Which entries of the stretch these are.
+        Which entries of the patch these are.
     """
 
     rows: Any
@@ -108,7 +98,7 @@ def wall_space(channels, room, like):
         np.zeros((channels, channels), np.int32),
         np.zeros((channels, channels), np.int32),
         np.empty((channels, REACTION_SIZE, room), like.dtype),
-        np.empty((channels, SLABS + 1), np.int64),
+        np.empty((channels, SLABS * ROWS + 1), np.int64),
         np.empty((channels, SLABS, MOST_RUNS, 6), np.int64),
         np.empty((channels, SLABS), np.int64),
         np.zeros(channels, np.int64),
@@ -118,8 +108,8 @@ def wall_space(channels, room, like):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_walls(packed, sides, near, slabs, integers, cell, place, returning, around, walls):
-    """Fill the buffers of the walls around a stretch.
+def gather_walls(packed, sides, near, slabs, integers, cell, patch, returning, around, walls):
+    """Fill the buffers of the walls around a patch.
 
     Parameters
     ----------
@@ -130,11 +120,11 @@ def gather_walls(packed, sides, near, slabs, integers, cell, place, returning, a
     near : ndarray, shape (channels, cells), bool
         Cells that have elements of a wall around them.
     slabs : tuple of 2 int
-        From :func:`~cwmav_sim.sph.gather.marked_slabs`; of others the distances are not needed.
+        From :func:`~cwmav_sim.sph.patches.marked_slabs`; of others the distances are not needed.
     integers, cell : ndarray
         Grid integers and cell extent.
-    place : tuple of 5 int
-        From :func:`~cwmav_sim.sph.gather.stretch`.
+    patch : Patch
+        The cells.
     returning : bool
         Whether particles will return reactions, which are set to zero then.
     around : ndarray, shape (channels,), bool
@@ -144,22 +134,21 @@ def gather_walls(packed, sides, near, slabs, integers, cell, place, returning, a
     """
     rows, column, start = packed
     panels, channels = start.shape[0], around.shape[0]
-    last = place[3] - place[2] + 2 * REACH
     for channel in range(channels):
-        # A wall without elements around here is out of reach of every particle of the stretch.
-        around[channel] = any_marked(near[channel], integers, place)
+        # A wall without elements around here is out of reach of every particle of the patch.
+        around[channel] = any_marked(near[channel], integers, patch)
         if not around[channel]:
             continue
         points, image = (rows, column, start[channel % panels]), 1 if channel < panels else -1
         buf, begin, runs = walls.rows[channel], walls.begin[channel], runs_of(walls, channel)
-        fill(points, ELEMENTS, image, integers, cell, place, runs, buf, begin)
+        entries = fill(points, ELEMENTS, image, integers, cell, patch, runs, buf, begin)
         if returning:
-            walls.reaction[channel, :, : begin[last] + PADDING] = 0.0
+            walls.reaction[channel, :, : entries + PADDING] = 0.0
     for channel in range(channels):
         if around[channel] and _others(around, channel):
             begin, runs = walls.begin[channel], runs_of(walls, channel)
             signed, inside = walls.signed[channel], walls.inside[channel]
-            gather_sides(sides[0], sides[1], begin, runs, slabs, panels, around, signed, inside)
+            gather_sides(sides[0], sides[1], begin, patch, runs, slabs, panels, around, signed, inside)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -170,7 +159,7 @@ def runs_of(walls, channel):
 
 @nb.njit(cache=True, error_model="numpy")
 def keep_sides(sides, kept, looks, n, orders, around, out):
-    """Bring the sides of a stretch to the ``n`` entries kept for a cell with walls ``around``; count them."""
+    """Bring the sides of a patch to the ``n`` entries kept for a cell with walls ``around``; count them."""
     for channel in range(around.shape[0]):
         if around[channel]:
             keep_same(sides.signed, channel, kept, looks, orders, out.signed)
@@ -179,7 +168,7 @@ def keep_sides(sides, kept, looks, n, orders, around, out):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def keep_walls(walls, slab, box, reach2, orders, returning, around, out):
+def keep_walls(walls, patch, window, box, reach2, orders, returning, around, out):
     """Keep of the walls ``around`` a cell what lies within its reach; zero reactions if ``returning``."""
     channels = around.shape[0]
     for channel in range(channels):
@@ -191,7 +180,8 @@ def keep_walls(walls, slab, box, reach2, orders, returning, around, out):
             walls.rows[channel],
             ELEMENT_ROWS,
             walls.begin[channel],
-            slab,
+            patch,
+            window,
             box,
             reach2,
             orders,
@@ -215,7 +205,7 @@ def keep_walls(walls, slab, box, reach2, orders, returning, around, out):
 
 @nb.njit(cache=True, error_model="numpy")
 def add_reactions(nearby, around, walls):
-    """Add what the particles of a cell returned to the walls to the buffers of the stretch."""
+    """Add what the particles of a cell returned to the walls to the buffers of the patch."""
     for channel in range(around.shape[0]):
         if around[channel] and nearby.entries[channel] > 0:
             add_back(
@@ -224,14 +214,14 @@ def add_reactions(nearby, around, walls):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def return_reactions(walls, around, panels, place, mass, out):
-    """Add the buffered reactions of a stretch to its elements; those on images are mirrored back."""
+def return_reactions(walls, around, panels, patch, mass, out):
+    """Add the buffered reactions of a patch to its elements; those on images are mirrored back."""
     for channel in range(around.shape[0]):
         if not around[channel]:
             continue
         buf, begin, runs = walls.reaction[channel], walls.begin[channel], runs_of(walls, channel)
-        for slab in range(place[3] - place[2] + 2 * REACH):
-            m, rows = begin[slab], runs.rows[slab]
+        for slab in range(slabs_and_rows(patch)[0]):
+            m, rows = piece(begin, patch, slab, 0)[0], runs.rows[slab]
             for run in range(runs.count[slab]):
                 first, length = rows[run, FIRST], rows[run, LAST] - rows[run, FIRST]
                 for q in range(REACTION_SIZE):

@@ -3,8 +3,8 @@
 
 The runs of memory a buffer is filled from are shorter than an unrolled vector loop, so the compiler leaves
 their copying to its scalar remainder; and no loop it knows keeps some entries and drops the others. A *block*
-is what one copy takes, *lanes* are what fits into 32 bytes: eight entries in single precision, four in
-double.
+is what one copy takes, *lanes* are what is looked at at once: as much as a vector of the processor holds, 32
+bytes or, where it brings marked lanes to the front by itself, 64.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 BLOCK = 16  # entries
-LANE_BYTES = 32
 _PLACES = 8  # of 4 bytes, among which lanes are put in order
 
 _I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
@@ -71,16 +70,48 @@ def add_block(
     return signature, generate
 
 
+@intrinsic
+def set_block(typingctx: Any, target: Any, row: Any, at: Any, value: Any) -> tuple[Any, Callable]:
+    """``target[row, at:at + 16] = value``, unchecked."""
+    signature = types.void(target, row, at, value)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        to, to_row, to_first, single = args
+        destination = _address(context, builder, signature.args[0], to, (to_row, to_first))
+        _store(builder, _splat(builder, single, BLOCK), destination)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def lane_bytes() -> int:
+    """Return how many bytes are looked at at once."""
+    return 64 if has_compression() else 32
+
+
 def lanes(dtype: np.dtype) -> int:
     """Return how many entries are looked at at once."""
-    return LANE_BYTES // dtype.itemsize
+    return lane_bytes() // dtype.itemsize
+
+
+@intrinsic
+def lanes_of(typingctx: Any, array: Any) -> tuple[Any, Callable]:
+    """Return how many entries of an array are looked at at once."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return ir.Constant(_I64, lane_bytes() // (signature.args[0].dtype.bitwidth // 8))
+
+    return types.int64(array), generate
 
 
 def lane_orders(dtype: np.dtype) -> NDArray[np.uint64]:
     """Return, for every set of marked lanes, the order that brings these to the front.
 
-    An order is eight bytes, each the place that a group of four bytes comes from; shape (2**lanes,).
+    An order is eight bytes, each the place that a group of four bytes comes from; shape (2**lanes,). A
+    processor that needs no order gets none.
     """
+    if has_compression():
+        return np.empty(0, np.uint64)
     count = lanes(dtype)
     groups = _PLACES // count
     orders = np.empty((2**count, _PLACES), np.uint8)
@@ -108,7 +139,7 @@ def lanes_within(
         for axis in range(3):
             index = (ir.Constant(_I64, axis), of_first)
             origin = _address(context, builder, signature.args[0], of, index)
-            width = LANE_BYTES // _size(origin)
+            width = lane_bytes() // _size(origin)
             centred = builder.fsub(
                 _load(builder, origin, width), _splat(builder, builder.extract_value(middle, axis), width)
             )
@@ -126,24 +157,26 @@ def lanes_within(
 
 
 @intrinsic
-def ordered_lanes(
-    typingctx: Any, target: Any, at: Any, source: Any, first: Any, row: Any, order: Any
+def copy_lanes(
+    typingctx: Any, target: Any, at: Any, source: Any, first: Any, rows: Any, bits: Any, orders: Any
 ) -> tuple[Any, Callable]:
-    """Copy the lanes of ``source[row, first:]`` in an ``order`` to ``target[row, at:]``, unchecked."""
-    signature = types.void(target, at, source, first, row, order)
+    """Copy a set of the lanes of ``source[rows, first:]`` to ``target[rows, at:]``, unchecked.
+
+    ``rows`` are the first row and the one after the last, ``orders`` those of :func:`lane_orders`. Behind
+    the lanes of the set, whatever else fits into a vector is overwritten.
+    """
+    signature = types.void(target, at, source, first, rows, bits, orders)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        to, to_first, of, of_first, row_, places = args
-        destination = _address(context, builder, signature.args[0], to, (row_, to_first))
-        origin = _address(context, builder, signature.args[2], of, (row_, of_first))
-        width = LANE_BYTES // _size(origin)
-        values = _load(builder, origin, width)
-        groups = builder.bitcast(values, ir.VectorType(ir.FloatType(), _PLACES))
-        order_ = builder.zext(
-            builder.bitcast(places, ir.VectorType(_I8, _PLACES)), ir.VectorType(_I32, _PLACES)
-        )
-        put = _permuted if has_permutation() else _permuted_one_by_one
-        _store(builder, builder.bitcast(put(builder, groups, order_), values.type), destination)
+        to, to_first, of, of_first, range_, marked, table = args
+        begin, end = (builder.sext(builder.extract_value(range_, q), _I64) for q in range(2))
+        single = _address(context, builder, signature.args[2], of, (begin, of_first)).type.pointee
+        width = lane_bytes() // _size_of(single)
+        order = _order(context, builder, signature.args[6], table, marked, width)
+        with cgutils.for_range_slice(builder, begin, end, ir.Constant(_I64, 1), inc=True) as (row, _):
+            origin = _address(context, builder, signature.args[2], of, (row, of_first))
+            destination = _address(context, builder, signature.args[0], to, (row, to_first))
+            _store(builder, _permuted(builder, _load(builder, origin, width), order), destination)
         return context.get_dummy_value()
 
     return signature, generate
@@ -159,33 +192,74 @@ def count_lanes(typingctx: Any, bits: Any) -> tuple[Any, Callable]:
     return types.int64(bits), generate
 
 
+@intrinsic
+def long_vectors(typingctx: Any) -> tuple[Any, Callable]:
+    """Let the loops of the function that this is called in use the longest vectors of the processor.
+
+    Where these are 64 bytes long, the compiler takes 32 unless told otherwise, for the sake of programs that
+    use few of them.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        # Past the check of llvmlite, which knows attributes by name alone, and this one has a value.
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
 def has_permutation() -> bool:
     """Return whether kernels are compiled for a processor that puts eight places in order at once."""
+    return _has("avx2")
+
+
+def has_compression() -> bool:
+    """Return whether kernels are compiled for a processor that brings marked lanes to the front by itself."""
+    return _has("avx512f")
+
+
+def _has(feature: str) -> bool:
     plain = config.CPU_NAME is None and config.CPU_FEATURES is None
-    return plain and bool(llvm.get_host_cpu_features().get("avx2", False))
+    return plain and bool(llvm.get_host_cpu_features().get(feature, False))
 
 
-def _permuted(builder: Any, groups: Any, order: Any) -> Any:
-    kind = ir.FunctionType(groups.type, [groups.type, order.type])
-    return builder.call(
-        cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.avx2.permps"), [groups, order]
-    )
+def _order(context: Any, builder: Any, kind: Any, orders: Any, bits: Any, width: int) -> Any:
+    """Return the places, of groups of four bytes or of lanes, that bring a set of lanes to the front."""
+    if not has_compression():
+        places = builder.load(_address(context, builder, kind, orders, (bits,)))
+        vector = builder.bitcast(places, ir.VectorType(_I8, _PLACES))
+        return builder.zext(vector, ir.VectorType(_I32, _PLACES))
+    lane = ir.IntType(8 * lane_bytes() // width)
+    every = ir.Constant(ir.VectorType(lane, width), list(range(width)))
+    marks = builder.bitcast(builder.trunc(bits, ir.IntType(width)), ir.VectorType(ir.IntType(1), width))
+    name = f"llvm.x86.avx512.mask.compress.v{width}i{lane.width}"
+    return _call(builder, name, every.type, [every, every, marks])
 
 
-def _permuted_one_by_one(builder: Any, groups: Any, order: Any) -> Any:
-    out = ir.Constant(groups.type, ir.Undefined)
-    for place in range(_PLACES):
-        index = ir.Constant(_I32, place)
-        value = builder.extract_element(groups, builder.extract_element(order, index))
-        out = builder.insert_element(out, value, index)
-    return out
+def _permuted(builder: Any, values: Any, order: Any) -> Any:
+    if has_compression():
+        kind = "df" if isinstance(values.type.element, ir.DoubleType) else "sf"
+        return _call(builder, f"llvm.x86.avx512.permvar.{kind}.512", values.type, [values, order])
+    groups = builder.bitcast(values, ir.VectorType(ir.FloatType(), _PLACES))
+    if has_permutation():
+        out = _call(builder, "llvm.x86.avx2.permps", groups.type, [groups, order])
+    else:
+        out = ir.Constant(groups.type, ir.Undefined)
+        for place in range(_PLACES):
+            index = ir.Constant(_I32, place)
+            value = builder.extract_element(groups, builder.extract_element(order, index))
+            out = builder.insert_element(out, value, index)
+    return builder.bitcast(out, values.type)
+
+
+def _call(builder: Any, name: str, kind: Any, operands: list) -> Any:
+    declared = ir.FunctionType(kind, [operand.type for operand in operands])
+    return builder.call(cgutils.get_or_insert_function(builder.module, declared, name), operands)
 
 
 def _absolute(builder: Any, vector: Any) -> Any:
-    kind = ir.FunctionType(vector.type, [vector.type])
-    bits = 64 if isinstance(vector.type.element, ir.DoubleType) else 32
-    name = f"llvm.fabs.v{vector.type.count}f{bits}"
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), [vector])
+    bits = 8 * _size_of(vector.type.element)
+    return _call(builder, f"llvm.fabs.v{vector.type.count}f{bits}", vector.type, [vector])
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, index: tuple) -> Any:
@@ -215,4 +289,8 @@ def _splat(builder: Any, value: Any, width: int) -> Any:
 
 
 def _size(pointer: Any) -> int:
-    return 8 if isinstance(pointer.type.pointee, ir.DoubleType) else 4
+    return _size_of(pointer.type.pointee)
+
+
+def _size_of(kind: Any) -> int:
+    return 8 if isinstance(kind, ir.DoubleType) else 4

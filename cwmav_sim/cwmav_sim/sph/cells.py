@@ -127,18 +127,29 @@ def _reflect(x: FloatArray, v: FloatArray, low: float, high: float) -> None:
             v[i, 1] = -v[i, 1]
 
 
+@nb.njit(cache=True)
+def wrapped(x: float, low: float, size: float) -> float:
+    """Return a coordinate brought back between the periodic faces ``low`` and ``low + size``."""
+    offset = x - low
+    if offset >= 0.0 and offset < size:
+        return x
+    offset -= size * np.floor(offset / size)
+    return low if offset >= size else low + offset
+
+
+@nb.njit(cache=True)
+def place_of(x: float, low: float, cell: float, cells: int) -> tuple[int, float]:
+    """Return the index of the cell of a coordinate, and where that lies from the centre of the cell."""
+    index = min(max(int(np.floor((x - low) / cell)), 0), cells - 1)
+    return index, x - low - (index + 0.5) * cell
+
+
 @nb.njit(cache=True, parallel=True)
 def _wrap(x: FloatArray, low: FloatArray, size: FloatArray, mirrored: bool) -> None:
     for i in nb.prange(x.shape[0]):
         for k in range(3):
-            if k == 1 and mirrored:
-                continue
-            offset = x[i, k] - low[k]
-            if offset < 0.0 or offset >= size[k]:
-                offset -= size[k] * np.floor(offset / size[k])
-                if offset >= size[k]:
-                    offset = 0.0
-                x[i, k] = low[k] + offset
+            if k != 1 or not mirrored:
+                x[i, k] = wrapped(x[i, k], low[k], size[k])
 
 
 @nb.njit(cache=True, parallel=True)

@@ -59,8 +59,7 @@ class Crossings:
 
 def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: float, dt: float) -> Crossings:
     """Put particles that crossed a wall within the last step of ``dt`` [s] back, in place."""
-    count = np.zeros(panels, np.int64)
-    crossed = np.zeros((panels, particles.count), np.bool_)
+    crossed = np.empty((panels, particles.count), np.bool_)
     _put_back(
         particles.x,
         particles.v,
@@ -72,11 +71,11 @@ def put_back(particles: Particles, before: Sides, now: Sides, panels: int, dp: f
         BACK * dp,
         JUMP * dp,
         dt,
-        count,
         crossed,
     )
-    if not count.any():
+    if not crossed.any():
         return Crossings.none(panels)
+    count = crossed.sum(axis=1)
     panel, number = np.nonzero(crossed)
     speed = (now.signed[panel, number] - before.signed[panel, number]).astype(np.float64) / dt
     kick = particles.mass * speed[:, None] * now.normal[panel, :, number].astype(np.float64)
@@ -115,7 +114,7 @@ def _count_passed(
                 count[c] += 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, parallel=True, error_model="numpy")
 def _put_back(
     x: FloatArray,
     v: FloatArray,
@@ -127,17 +126,15 @@ def _put_back(
     back: float,
     jump: float,
     dt: float,
-    count: IntArray,
     crossed: NDArray[np.bool_],
 ) -> None:
-    for c in range(count.shape[0]):
-        for i in range(x.shape[0]):
+    for i in nb.prange(x.shape[0]):
+        for c in range(crossed.shape[0]):
             s0, s1 = signed_before[c, i], signed[c, i]
-            if not _passed(s0, s1, inside_before[c, i], inside[c, i], jump):
+            crossed[c, i] = _passed(s0, s1, inside_before[c, i], inside[c, i], jump)
+            if not crossed[c, i]:
                 continue
             side = 1.0 if s0 > 0.0 else -1.0
-            count[c] += 1
-            crossed[c, i] = True
             for q in range(3):
                 n = normal[c, q, i]
                 x[i, q] += (side * back - s1) * n

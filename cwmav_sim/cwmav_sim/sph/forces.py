@@ -1,26 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pass over all particles of air without walls: fluid sums, rates of change.
 
-Work is done stretch by stretch of cells (see ``gather``). Stretches are dealt to a fixed number of chunks, so
-results do not depend on how many threads there are or on their order. ``walled`` does the same among walls.
+Work is done patch by patch of cells (see ``patches``). ``walled`` does the same among walls.
 """
 
 from __future__ import annotations
 
 import numba as nb
 
-from cwmav_sim.sph.gather import (
-    ANY_IMAGE,
-    CHUNKS,
-    aligned_rows,
-    dealt,
-    fill,
-    share,
-    stretch,
-)
+from cwmav_sim.sph.gather import ANY_IMAGE, fill
 from cwmav_sim.sph.lending import held, lent
 from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, ONE, VOLUME, WORK_ROWS, sum_pairs
+from cwmav_sim.sph.patches import CHUNKS, cell_of, cells_in, dealt, patch_of, share
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 
 FLUID = 2, 3  # vectors and scalars among the rows of the packed fluid
@@ -34,9 +26,9 @@ LOAD_SIZE = 11
 
 @nb.njit(cache=True, error_model="numpy")
 def read_particle(fluid, offset, i):
-    """Return a particle whose cell lies ``offset`` [m] along z from the centre of its stretch."""
-    z = fluid[2, i] + offset
-    return (fluid[0, i], fluid[1, i], z, fluid[3, i], fluid[4, i], fluid[5, i], fluid[6, i], fluid[7, i])
+    """Return a particle whose cell lies ``offset`` [m] along y and z from the centre of its patch."""
+    y, z = fluid[1, i] + offset[0], fluid[2, i] + offset[1]
+    return (fluid[0, i], y, z, fluid[3, i], fluid[4, i], fluid[5, i], fluid[6, i], fluid[7, i])
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -48,15 +40,13 @@ def own_factors(scale, density, keep_diffusion, k):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def store_rates(sums, scale, density, place, shifting, acceleration, density_rate, shift):
-    """Turn the fluid sums of a particle into rates of change (float64); ``shift`` only when ``shifting``."""
+def store_rates(sums, scale, density, place, acceleration, density_rate, shift):
+    """Turn the fluid sums of a particle into rates of change (float64)."""
     rho = scale[RHO0] + density
     slope = scale[SLOPE]
     for q in range(3):
         acceleration[place, q] = -slope / rho * sums[1 + q]
-    if shifting:
-        for q in range(3):
-            shift[place, q] = slope * sums[4 + q]
+        shift[place, q] = slope * sums[4 + q]
     density_rate[place] = slope * rho * sums[0]
 
 
@@ -101,33 +91,30 @@ def fluid_pass(
     orders : ndarray
         From :func:`~cwmav_sim.sph.blocks.lane_orders`.
     acceleration, density_rate, shift : ndarray, shape (n, 3), (n,) and (n, 3), float64
-        Filled, under the numbers of the particles; the last is the shifting vector [1/m], which comes as
-        zeros and stays so when it is not wanted.
+        Filled, under the numbers of the particles; the last is the shifting vector [1/m], zero when it is
+        not wanted.
     """
-    nx, ny = integers[0], integers[1]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        own_space = space(FLUID_ROWS, room, fluid), aligned_rows(WORK_ROWS, room, fluid)
-        (buf, begin, runs, nearby, kept), work = lent(own_space)
+        own_space = space(FLUID_ROWS, WORK_ROWS, room, fluid)
+        buf, begin, runs, nearby, kept, work = lent(own_space)
         reach2 = support2(k)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
                 continue
-            place = stretch(integers, number)
-            cx, cy, z0, z1, centre = place
-            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            for cz in range(z0, z1):
-                c = (cz * ny + cy) * nx + cx
+            patch = patch_of(integers, number)
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, patch, runs, buf, begin)
+            for member in range(cells_in(patch)):
+                c, window, offset = cell_of(patch, member, integers, cell)
                 if start[c + 1] == start[c]:
                     continue
-                offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(fluid, start[c], start[c + 1], offset)
-                n, _ = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
+                n, _ = keep_nearby(buf, FLUID_ROWS, begin, patch, window, box, reach2, orders, nearby, kept)
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
                     own = own_factors(scale, a[6], True, k)
                     sums = sum_pairs(a, own, nearby, nearby[VOLUME], n, k, shifting, work)
-                    store_rates(sums, scale, a[6], order[i], shifting, acceleration, density_rate, shift)
+                    store_rates(sums, scale, a[6], order[i], acceleration, density_rate, shift)
         held(own_space)
         restore_mode(mode)

@@ -21,9 +21,10 @@ from cwmav_sim.sph.blocks import lane_orders
 from cwmav_sim.sph.cells import Grid, Sorting, sort_into_cells
 from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.eos import Tait
-from cwmav_sim.sph.gather import CHUNKS, buffer_room
+from cwmav_sim.sph.gather import buffer_room
 from cwmav_sim.sph.kernel import Kernel
 from cwmav_sim.sph.pair import FLUID_ROWS, pack_fluid, pair_constants
+from cwmav_sim.sph.patches import CHUNKS
 from cwmav_sim.sph.rates import Rates, as_rates, numbered
 from cwmav_sim.sph.settings import FlowSettings
 from cwmav_sim.sph.sheet import Motion, Nodes, SheetLoad, SheetQuadrature
@@ -224,7 +225,7 @@ class Interaction:
     ) -> Rates:
         integers = self._grid.integers
         n = particles.count
-        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.zeros((n, 3))
+        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         forces.fluid_pass(
             fluid,
             column,
@@ -276,7 +277,7 @@ class Interaction:
         integers = self._grid.integers
         elements, sides = surfaces.elements, surfaces.particle_sides
         n = particles.count
-        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.zeros((n, 3))
+        acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
         loads = np.zeros((CHUNKS, self.panels, forces.LOAD_SIZE))
         count = elements.rows.shape[1]
         parts = np.zeros((CHUNKS, REACTION_SIZE, count)) if reactions else None

@@ -22,6 +22,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from cwmav_sim.sph.blocks import long_vectors
+
 # Rows of the packed fluid and of a neighbour buffer.
 X, Y, Z, VX, VY, VZ, DENSITY, PRESSURE, VOLUME = range(9)
 FLUID_ROWS = 9
@@ -109,6 +111,7 @@ def sum_pairs(a, factors, buf, volume, n, k, shifting, work):
     tuple of 7 floats
         Continuity, momentum (3), shifting (3), each without the kernel slope factor.
     """
+    long_vectors()
     # With a constant, a loop each is compiled and vectorised; with a variable the terms are only masked.
     if shifting:
         return _sum(a, factors, buf, volume, n, k, True, work)
@@ -117,6 +120,7 @@ def sum_pairs(a, factors, buf, volume, n, k, shifting, work):
 
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def _sum(a, factors, buf, volume, n, k, shifting, work):
+    long_vectors()
     xa, ya, za, ua, va, wa, da, pa = a
     half_over_h, eta2, one, zero, two, four = k[HALF_OVER_H], k[ETA2], k[ONE], k[ZERO], k[TWO], k[FOUR]
     rho_a, rho0 = da + k[TWICE_RHO0], k[TWICE_RHO0] / two

@@ -81,7 +81,7 @@ class PlainInteraction(Interaction):
             wall_column = wall_sorting.column.astype(self.dtype)
         with self._timers.phase("pairs"):
             n = particles.count
-            acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.zeros((n, 3))
+            acceleration, density_rate, shift = np.empty((n, 3)), np.empty(n), np.empty((n, 3))
             wall_rate, force = np.empty(wall.count), np.zeros((forces.LOAD_SIZE, wall.count))
             scale = self._scale.copy()
             scale[forces.MASS] = particles.mass

@@ -15,18 +15,11 @@ from cwmav_sim.sph.forces import (
     store_rates,
     support2,
 )
-from cwmav_sim.sph.gather import (
-    ANY_IMAGE,
-    CHUNKS,
-    aligned_rows,
-    dealt,
-    fill,
-    share,
-    stretch,
-)
+from cwmav_sim.sph.gather import ANY_IMAGE, fill
 from cwmav_sim.sph.lending import held, lent
 from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, HALF_OVER_H, VOLUME, WORK_ROWS, ZERO, sum_pairs
+from cwmav_sim.sph.patches import CHUNKS, cell_of, cells_in, dealt, patch_of, share
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 
 
@@ -66,44 +59,47 @@ def air_pass(
     room, wall_room : int
         Lengths of the largest buffers.
     """
-    ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         own_space = (
-            space(FLUID_ROWS, room, fluid),
-            space(FLUID_ROWS, wall_room, fluid),
-            (aligned_rows(WORK_ROWS, room, fluid), aligned_rows(WORK_ROWS, wall_room, fluid)),
+            space(FLUID_ROWS, WORK_ROWS, room, fluid),
+            space(FLUID_ROWS, WORK_ROWS, wall_room, fluid),
         )
-        around, solid_around, (work, solid_work) = lent(own_space)
-        buf, begin, runs, nearby, kept = around
-        wall_buf, wall_begin, _, solid_nearby, solid_kept = solid_around
+        (buf, begin, runs, nearby, kept, work), solid_around = lent(own_space)
+        wall_buf, wall_begin, _, solid_nearby, solid_kept, solid_work = solid_around
         reach2 = support2(k)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
                 continue
-            place = stretch(integers, number)
-            cx, cy, z0, z1, centre = place
-            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
+            patch = patch_of(integers, number)
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, patch, runs, buf, begin)
             solid = (wall, wall_column, wall_start)
-            fill(solid, FLUID, ANY_IMAGE, integers, cell, place, runs, wall_buf, wall_begin)
-            for cz in range(z0, z1):
-                c = (cz * ny + cy) * nx + cx
+            fill(solid, FLUID, ANY_IMAGE, integers, cell, patch, runs, wall_buf, wall_begin)
+            for member in range(cells_in(patch)):
+                c, window, offset = cell_of(patch, member, integers, cell)
                 if start[c + 1] == start[c]:
                     continue
-                offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(fluid, start[c], start[c + 1], offset)
-                slab = cz - z0
-                n, _ = keep_nearby(buf, FLUID_ROWS, begin, slab, box, reach2, orders, nearby, kept)
+                n, _ = keep_nearby(buf, FLUID_ROWS, begin, patch, window, box, reach2, orders, nearby, kept)
                 n_wall, _ = keep_nearby(
-                    wall_buf, FLUID_ROWS, wall_begin, slab, box, reach2, orders, solid_nearby, solid_kept
+                    wall_buf,
+                    FLUID_ROWS,
+                    wall_begin,
+                    patch,
+                    window,
+                    box,
+                    reach2,
+                    orders,
+                    solid_nearby,
+                    solid_kept,
                 )
                 for i in range(start[c], start[c + 1]):
                     a, at = read_particle(fluid, offset, i), order[i]
                     sees = _sees(a, solid_nearby, n_wall, k[HALF_OVER_H])
                     own = own_factors(scale, a[6], keep_diffusion or not sees, k)
                     sums = _sums(a, own, nearby, n, k, shifting, work)
-                    store_rates(sums, scale, a[6], at, shifting, acceleration, density_rate, shift)
+                    store_rates(sums, scale, a[6], at, acceleration, density_rate, shift)
                     if sees:
                         own = own_factors(scale, a[6], False, k)
                         sums = _sums(a, own, solid_nearby, n_wall, k, shifting, solid_work)
@@ -173,32 +169,29 @@ def wall_pass(
     force : ndarray, shape (8, n), float64
         Filled likewise with pressure force, viscous force [N], and the power of each on the moving wall [W].
     """
-    ny, nx = integers[1], integers[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
-        own_space = space(FLUID_ROWS, room, fluid), aligned_rows(WORK_ROWS, room, fluid)
-        (buf, begin, runs, nearby, kept), work = lent(own_space)
+        own_space = space(FLUID_ROWS, WORK_ROWS, room, fluid)
+        buf, begin, runs, nearby, kept, work = lent(own_space)
         reach2 = support2(k)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
                 continue
-            place = stretch(integers, number)
-            cx, cy, z0, z1, centre = place
+            patch = patch_of(integers, number)
             empty = True
-            for cz in range(z0, z1):
-                c = (cz * ny + cy) * nx + cx
+            for member in range(cells_in(patch)):
+                c, _, _ = cell_of(patch, member, integers, cell)
                 empty = empty and wall_start[c + 1] == wall_start[c]
             if empty:
                 continue
-            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            for cz in range(z0, z1):
-                c = (cz * ny + cy) * nx + cx
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, patch, runs, buf, begin)
+            for member in range(cells_in(patch)):
+                c, window, offset = cell_of(patch, member, integers, cell)
                 if wall_start[c + 1] == wall_start[c]:
                     continue
-                offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(wall, wall_start[c], wall_start[c + 1], offset)
-                n, _ = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
+                n, _ = keep_nearby(buf, FLUID_ROWS, begin, patch, window, box, reach2, orders, nearby, kept)
                 for i in range(wall_start[c], wall_start[c + 1]):
                     a, at = read_particle(wall, offset, i), wall_order[i]
                     own = own_factors(scale, a[6], False, k)

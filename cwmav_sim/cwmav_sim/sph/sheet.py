@@ -202,6 +202,7 @@ class SheetQuadrature:
         self._share = (share * kept)[use] / self._width
         self._inward = _in_triangle(inward[use], reference, self._triangles[self._triangle])
         self.probe = _thin_out(x[use], self.panel, probe_spacing)
+        self.every = np.arange(len(self.panel))
 
     @property
     def count(self) -> int:

@@ -17,18 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_sim.sph.around import keep_sides, side_space
-from cwmav_sim.sph.gather import (
-    ANY_IMAGE,
-    CHUNKS,
-    aligned_rows,
-    dealt,
-    fill,
-    marked_slabs,
-    share,
-    stretch,
-)
+from cwmav_sim.sph.blocks import long_vectors
+from cwmav_sim.sph.gather import ANY_IMAGE, fill
 from cwmav_sim.sph.lending import held, lent
 from cwmav_sim.sph.nearby import box_around, keep_nearby, space
+from cwmav_sim.sph.patches import CHUNKS, cell_of, cells_in, dealt, marked_slabs, patch_of, share
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import gather_sides, hide
 
@@ -111,35 +104,30 @@ def _pass(
     of_stress,
     out,
 ):
-    nx, ny = integers[0], integers[1]
     channels = signed.shape[0]
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         own_space = (
-            space(_ROWS, room, packed),
+            space(_ROWS, 1, room, packed),
             (side_space(channels, room, packed), side_space(channels, room, packed)),
-            aligned_rows(1, room, packed),
         )
-        around, (sides, nearby_sides), weight = lent(own_space)
-        buf, begin, runs, nearby, kept = around
+        (buf, begin, runs, nearby, kept, weight), (sides, nearby_sides) = lent(own_space)
         every = np.ones(channels, np.bool_)
         reach2 = packed.dtype.type(1.0 / (k[_HALF_OVER_H] * k[_HALF_OVER_H]))
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
                 continue
-            place = stretch(integers, number)
-            cx, cy, z0, z1, centre = place
-            fill((packed, column, start), _LAYOUT, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            slabs = marked_slabs(near, integers, place)
-            gather_sides(signed, inside, begin, runs, slabs, panels, every, sides.signed, sides.inside)
-            for cz in range(z0, z1):
-                c = (cz * ny + cy) * nx + cx
+            patch = patch_of(integers, number)
+            fill((packed, column, start), _LAYOUT, ANY_IMAGE, integers, cell, patch, runs, buf, begin)
+            slabs = marked_slabs(near, integers, patch)
+            gather_sides(signed, inside, begin, patch, runs, slabs, panels, every, sides.signed, sides.inside)
+            for member in range(cells_in(patch)):
+                c, window, offset = cell_of(patch, member, integers, cell)
                 if start[c + 1] == start[c]:
                     continue
-                offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(packed, start[c], start[c + 1], offset)
-                n, looks = keep_nearby(buf, _ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
+                n, looks = keep_nearby(buf, _ROWS, begin, patch, window, box, reach2, orders, nearby, kept)
                 walled = near[c]
                 if walled:
                     keep_sides(sides, kept, looks, n, orders, every, nearby_sides)
@@ -160,7 +148,8 @@ def _pass(
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def _stress(packed, offset, i, rho, buf, weight, n, k, out):
     """Tensor tau/rho^2 of one particle: (xx, xy, yy, zz, yz, xz)."""
-    xa, ya, za = packed[0, i], packed[1, i], packed[2, i] + offset
+    long_vectors()
+    xa, ya, za = packed[0, i], packed[1, i] + offset[0], packed[2, i] + offset[1]
     ua, va, wa = packed[3, i], packed[4, i], packed[5, i]
     xx = xy = yy = zz = yz = xz = 0.0
     for j in range(n):
@@ -188,7 +177,8 @@ def _stress(packed, offset, i, rho, buf, weight, n, k, out):
 @nb.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def _divergence(packed, offset, i, buf, weight, n, k, out):
     """Acceleration of one particle by the stresses of the pairs."""
-    xa, ya, za = packed[0, i], packed[1, i], packed[2, i] + offset
+    long_vectors()
+    xa, ya, za = packed[0, i], packed[1, i] + offset[0], packed[2, i] + offset[1]
     ax = ay = az = 0.0
     for j in range(n):
         dx, dy, dz = xa - buf[0, j], ya - buf[1, j], za - buf[2, j]

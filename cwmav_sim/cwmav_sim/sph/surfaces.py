@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_sim.sph import visibility
-from cwmav_sim.sph.cells import Grid, sort_into_cells
+from cwmav_sim.sph.cells import Grid
 from cwmav_sim.sph.gather import buffer_room
+from cwmav_sim.sph.packing import PackedPoints, pack_points
+from cwmav_sim.sph.patches import CHUNKS
 from cwmav_sim.sph.sheet import Elements, SheetQuadrature
 
 FloatArray = NDArray[np.float64]
@@ -20,28 +22,6 @@ IntArray = NDArray[np.int64]
 # An element this close to another wall, in cells, lies on it. A wall that meets the mirror goes on in its
 # image: on which side of that its elements lie is chance, and each would be hidden from the air on one side.
 ON_WALL = 1e-4
-
-
-@dataclass(frozen=True)
-class PackedPoints:
-    """Points on all walls in panel and cell order, in the precision of the pairs.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (k, m)
-        Position relative to the centre of the own cell, then further values.
-    column : ndarray, shape (m,)
-        x index of the cell of each point.
-    start : ndarray, shape (panels, cells + 1)
-        First place of every cell, panel by panel.
-    number : ndarray, shape (m,)
-        Number of the point at every place.
-    """
-
-    rows: NDArray
-    column: NDArray
-    start: IntArray
-    number: IntArray
 
 
 @dataclass(frozen=True)
@@ -64,12 +44,15 @@ class Sides:
 
     @classmethod
     def empty(cls, channels: int, count: int, dtype: np.dtype) -> Sides:
-        """Return the sides of ``count`` points out of reach of all walls.
-
-        Memory that is never written to costs nothing.
-        """
+        """Return the sides of ``count`` points out of reach of all walls."""
         shape = (channels, count)
         return cls(np.zeros(shape, dtype), np.zeros(shape, dtype), np.zeros((channels, 3, count), dtype))
+
+    @classmethod
+    def unset(cls, channels: int, count: int, dtype: np.dtype) -> Sides:
+        """Return room for the sides of ``count`` points, to be filled."""
+        shape = (channels, count)
+        return cls(np.empty(shape, dtype), np.empty(shape, dtype), np.empty((channels, 3, count), dtype))
 
     def in_storage_order(
         self, panels: int, order: IntArray, start: IntArray, near: NDArray[np.bool_]
@@ -85,7 +68,7 @@ class Sides:
         near : ndarray, shape (cells,), bool
             Cells that may hold points within reach of a wall.
         """
-        out = Sides.empty(panels, len(order), self.signed.dtype)
+        out = Sides.unset(panels, len(order), self.signed.dtype)
         _in_storage_order(
             self.signed,
             self.inside,
@@ -151,11 +134,26 @@ def locate_surfaces(
     dtype = fluid.dtype
     panels = quadrature.panels
     channels = panels * (2 if grid.mirrored else 1)
-    values = (placed.v, placed.normal, placed.normal_acceleration, placed.area)
-    elements = _pack(placed.x, quadrature.panel, values, panels, grid, dtype)
-    probe = quadrature.probe
-    values = (placed.normal[probe], placed.inward[probe], quadrature.depth[probe])  # type: ignore[assignment]
-    probes = _pack(placed.x[probe], quadrature.panel[probe], values, panels, grid, dtype)
+    elements = pack_points(
+        placed.x,
+        quadrature.panel,
+        quadrature.every,
+        (placed.v, placed.normal),
+        (placed.normal_acceleration, placed.area),
+        panels,
+        grid,
+        dtype,
+    )
+    probes = pack_points(
+        placed.x,
+        quadrature.panel,
+        quadrature.probe,
+        (placed.normal, placed.inward),
+        (quadrature.depth,),
+        panels,
+        grid,
+        dtype,
+    )
     near = np.empty((channels, grid.cells), np.bool_)
     visibility.mark_near(elements.start, grid.integers, near)
     cell = grid.cell.astype(dtype)
@@ -179,45 +177,13 @@ def locate_surfaces(
             sides.normal,
         )
 
-    particle_sides = Sides.empty(channels, fluid.shape[1], dtype)
+    particle_sides = Sides.unset(channels, fluid.shape[1], dtype)
     locate(fluid, column, start, -1, particle_sides)
-    element_sides = Sides.empty(channels, elements.rows.shape[1], dtype)
+    element_sides = Sides.unset(channels, elements.rows.shape[1], dtype)
     for panel in range(panels):
         locate(elements.rows, elements.column, elements.start[panel], panel, element_sides)
     element_sides.signed[np.abs(element_sides.signed) < ON_WALL * grid.cell[0]] = 0.0
     return Surfaces(elements, element_sides, near, np.asarray(near.any(axis=0)), particle_sides)
-
-
-def _pack(
-    x: FloatArray,
-    panel: IntArray,
-    values: tuple[FloatArray, ...],
-    panels: int,
-    grid: Grid,
-    dtype: np.dtype,
-) -> PackedPoints:
-    count = len(panel)
-    height = 3 + sum(value.size // count for value in values)
-    packed, column = np.empty((height, count), dtype), np.empty(count, dtype)
-    start, number = np.empty((panels, grid.cells + 1), np.int64), np.empty(count, np.int64)
-    first = 0
-    for p in range(panels):
-        mine = np.flatnonzero(panel == p)
-        points = np.ascontiguousarray(x[mine])
-        grid.wrap(points)
-        sorting = sort_into_cells(points, grid)
-        order = mine[sorting.order]
-        last = first + len(mine)
-        column[first:last] = sorting.column
-        np.add(sorting.start, first, out=start[p])
-        number[first:last] = order
-        row = 0
-        for value in (sorting.local, *(value[order] for value in values)):
-            columns = value if value.ndim == 2 else value[:, None]
-            packed[row : row + columns.shape[1], first:last] = columns.T
-            row += columns.shape[1]
-        first = last
-    return PackedPoints(packed, column, start, number)
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -232,6 +198,12 @@ def _in_storage_order(
     inside_out: NDArray,
     normal_out: NDArray,
 ) -> None:
+    n = signed_out.shape[1]
+    for chunk in nb.prange(CHUNKS):
+        visibility.clear(signed_out, 0, n, chunk)
+        visibility.clear(inside_out, 0, n, chunk)
+        for c in range(signed_out.shape[0]):
+            visibility.clear(normal_out[c], 0, n, chunk)
     zero = signed.dtype.type(0.0)
     for number in nb.prange(cells.shape[0]):
         cell = cells[number]

@@ -18,21 +18,11 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from cwmav_sim.sph.blocks import BLOCK, scaled_block
-from cwmav_sim.sph.gather import (
-    CHUNKS,
-    FIRST,
-    LAST,
-    REACH,
-    SIGN,
-    aligned_rows,
-    dealt,
-    fill,
-    share,
-    slab_space,
-    stretch,
-)
+from cwmav_sim.sph.blocks import BLOCK, long_vectors, scaled_block
+from cwmav_sim.sph.cells import REACH
+from cwmav_sim.sph.gather import FIRST, LAST, SIGN, aligned_rows, fill, piece, slab_space
 from cwmav_sim.sph.lending import held, lent
+from cwmav_sim.sph.patches import CHUNKS, cell_of, cells_in, dealt, patch_of, share
 
 # Rows of packed probes: position, normal, inward direction, distance inside the outline.
 PROBES = 3, 1  # vectors and scalars
@@ -70,6 +60,15 @@ def mark_near(start, integers, near):
                         near[channel, row + (cx + dx) % nx] = True
 
 
+@nb.njit(cache=True, error_model="numpy")
+def clear(rows, first, last, chunk):
+    """Set the part of a chunk of the columns from ``first`` to the one before ``last`` to zero."""
+    begin = first + chunk * (last - first) // CHUNKS
+    end = first + (chunk + 1) * (last - first) // CHUNKS
+    for row in range(rows.shape[0]):
+        rows[row, begin:end] = rows.dtype.type(0.0)
+
+
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def locate(
     points,
@@ -104,12 +103,14 @@ def locate(
     near : ndarray, shape (channels, cells), bool
         Cells to look at.
     signed, inside : ndarray, shape (channels, n)
-        Zeros, filled with s and d [m]; s stays zero far away. Channels beyond the panels are mirror images.
+        Filled with s and d [m], zero far away. Channels beyond the panels are mirror images.
     normal : ndarray, shape (channels, 3, n)
-        Likewise filled with the normal at the nearest probe.
+        Filled with the normal at the nearest probe, but not far away.
     """
-    nx, ny = integers[0], integers[1]
     panels, channels = probe_start.shape[0], signed.shape[0]
+    for chunk in nb.prange(CHUNKS):
+        clear(signed, start[0], start[-1], chunk)
+        clear(inside, start[0], start[-1], chunk)
     for chunk in nb.prange(CHUNKS):
         own_space = slab_space(), aligned_rows(PROBE_ROWS, room, cell)
         (begin, runs), buf = lent(own_space)
@@ -117,53 +118,55 @@ def locate(
             number = dealt(integers, chunk, turn)
             if number < 0:
                 continue
-            place = stretch(integers, number)
-            cx, cy, z0, z1, centre = place
+            patch = patch_of(integers, number)
             for channel in range(channels):
-                close = False
-                for cz in range(z0, z1):
-                    c = (cz * ny + cy) * nx + cx
-                    close |= near[channel, c] and start[c + 1] > start[c]
                 panel = channel % panels
-                if not close or channel == own:
+                if channel == own or not _any_inside(start, near[channel], integers, patch):
                     continue
                 image = 1 if channel < panels else -1
                 wall = (probes, probe_column, probe_start[panel])
-                fill(wall, PROBES, image, integers, cell, place, runs, buf, begin)
-                for cz in range(z0, z1):
-                    first, last = begin[cz - z0], begin[cz - z0 + 2 * REACH + 1]
-                    if first == last:
+                fill(wall, PROBES, image, integers, cell, patch, runs, buf, begin)
+                for member in range(cells_in(patch)):
+                    c, window, offset = cell_of(patch, member, integers, cell)
+                    if not near[channel, c]:
                         continue
-                    c = (cz * ny + cy) * nx + cx
-                    offset = cell.dtype.type(cz - centre) * cell[2]
                     for i in range(start[c], start[c + 1]):
-                        _measure(
-                            points[0, i],
-                            points[1, i],
-                            points[2, i] + offset,
-                            buf,
-                            first,
-                            last,
-                            channel,
-                            i,
-                            signed,
-                            inside,
-                            normal,
-                        )
+                        x, y, z = points[0, i], points[1, i] + offset[0], points[2, i] + offset[1]
+                        at = _nearest(x, y, z, buf, begin, patch, window)
+                        if at >= 0:
+                            _measure(x, y, z, buf, at, channel, i, signed, inside, normal)
         held(own_space)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _measure(x, y, z, buf, first, last, channel, i, signed, inside, normal):
-    """Distances of one point by the nearest of the probes ``first`` .. ``last``."""
-    best = buf.dtype.type(1e30)
-    at = first
-    for j in range(first, last):
-        dx, dy, dz = x - buf[0, j], y - buf[1, j], z - buf[2, j]
-        r2 = dx * dx + dy * dy + dz * dz
-        if r2 < best:
-            best = r2
-            at = j
+def _any_inside(start, near, integers, patch):
+    """Return whether any of the marked cells of a patch holds a point."""
+    for z in range(patch.z0, patch.z1):
+        for y in range(patch.y0, patch.y1):
+            c = (z * integers[1] + y) * integers[0] + patch.x
+            if near[c] and start[c + 1] > start[c]:
+                return True
+    return False
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _nearest(x, y, z, buf, begin, patch, window):
+    """Return the nearest of the probes around a cell, or -1 where there is none."""
+    best, at = buf.dtype.type(np.inf), -1
+    for slab in range(window[0], window[0] + 2 * REACH + 1):
+        first, last = piece(begin, patch, slab, window[1])
+        for j in range(first, last):
+            dx, dy, dz = x - buf[0, j], y - buf[1, j], z - buf[2, j]
+            r2 = dx * dx + dy * dy + dz * dz
+            if r2 < best:
+                best = r2
+                at = j
+    return at
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _measure(x, y, z, buf, at, channel, i, signed, inside, normal):
+    """Distances of one point by the probe ``at``."""
     dx, dy, dz = x - buf[0, at], y - buf[1, at], z - buf[2, at]
     signed[channel, i] = dx * buf[3, at] + dy * buf[4, at] + dz * buf[5, at]
     inside[channel, i] = buf[9, at] + dx * buf[6, at] + dy * buf[7, at] + dz * buf[8, at]
@@ -172,7 +175,7 @@ def _measure(x, y, z, buf, first, last, channel, i, signed, inside, normal):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def gather_sides(signed, inside, begin, runs, slabs, panels, wanted, signed_out, inside_out):
+def gather_sides(signed, inside, begin, patch, runs, slabs, panels, wanted, signed_out, inside_out):
     """Copy the wall distances of what :func:`~cwmav_sim.sph.gather.fill` copied.
 
     Only ``slabs`` from the first to the one before the last are copied, and of the channels those that are
@@ -181,7 +184,7 @@ def gather_sides(signed, inside, begin, runs, slabs, panels, wanted, signed_out,
     channels = signed.shape[0]
     one, zero = signed_out.dtype.type(1.0), signed_out.dtype.type(0.0)
     for slab in range(slabs[0], slabs[1]):
-        m, rows = begin[slab], runs.rows[slab]
+        m, rows = piece(begin, patch, slab, 0)[0], runs.rows[slab]
         for run in range(runs.count[slab]):
             first, length = rows[run, FIRST], rows[run, LAST] - rows[run, FIRST]
             blocks = min((length + BLOCK - 1) // BLOCK, (signed.shape[1] - first) // BLOCK)
@@ -212,6 +215,7 @@ def count_sides(signed, n, wanted, below, above):
     below, above : ndarray, shape (channels,), int32
         Filled: entries with a negative and with a positive distance.
     """
+    long_vectors()
     for c in range(signed.shape[0]):
         if not wanted[c]:
             continue
@@ -242,6 +246,7 @@ def hide(weight, signed_a, inside_a, signed, inside, below, above, n, out):
     out : ndarray, shape (m,)
         Room for the result; not ``weight``.
     """
+    long_vectors()
     zero = weight.dtype.type(0.0)
     copied = False
     for c in range(signed.shape[0]):

@@ -30,6 +30,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from cwmav_sim.sph.blocks import long_vectors
 from cwmav_sim.sph.kernel import Kernel, ray_integral_coefficients
 
 # Rows of the packed wall elements and of their buffers.
@@ -126,6 +127,7 @@ def sum_wall(a, side, buf, area, n, k, reaction):
         Pressure acceleration (3), viscous acceleration (3) [m/s2], rate of relative density [1/s], shifting
         (3) [1/m], and the power per mass of the two accelerations on the moving wall [m2/s3].
     """
+    long_vectors()
     xa, ya, za, ua, va, wa, da, pa = a
     half_over_h, one, two, four, zero = k[HALF_OVER_H], k[ONE], k[TWO], k[FOUR], k[ZERO]
     nearest_inverse = one / k[NEAREST]

@@ -29,19 +29,11 @@ from cwmav_sim.sph.forces import (
     store_rates,
     support2,
 )
-from cwmav_sim.sph.gather import (
-    ANY_IMAGE,
-    CHUNKS,
-    aligned_rows,
-    dealt,
-    fill,
-    marked_slabs,
-    share,
-    stretch,
-)
+from cwmav_sim.sph.gather import ANY_IMAGE, aligned_rows, fill
 from cwmav_sim.sph.lending import held, lent
 from cwmav_sim.sph.nearby import box_around, keep_nearby, space
 from cwmav_sim.sph.pair import FLUID_ROWS, VOLUME, WORK_ROWS, sum_pairs
+from cwmav_sim.sph.patches import CHUNKS, cell_of, cells_in, centre_of, dealt, marked_slabs, patch_of, share
 from cwmav_sim.sph.subnormals import flush_subnormals, restore_mode
 from cwmav_sim.sph.visibility import gather_sides, hide
 from cwmav_sim.sph.wall import AREA, sum_wall
@@ -122,65 +114,68 @@ def walled_pass(
     reactions : ndarray, shape (chunks, 4, m), float64, or None
         Receives the force on every element and the mass of air it carries along, chunk by chunk.
     """
-    nx, ny = integers[0], integers[1]
     channels, panels = signed.shape[0], element_start.shape[0]
     returning = reactions is not None
     for chunk in nb.prange(CHUNKS):
         mode = flush_subnormals()
         reach2 = support2(k)
         own_space = (
-            space(FLUID_ROWS, room, fluid),
+            space(FLUID_ROWS, WORK_ROWS + 1, room, fluid),
             (side_space(channels, room, fluid), side_space(channels, room, fluid)),
             (wall_space(channels, element_room, fluid), wall_space(channels, element_room, fluid)),
-            aligned_rows(WORK_ROWS, room, fluid),
-            (aligned_rows(1, room, fluid), aligned_rows(1, element_room, fluid)),
+            aligned_rows(1, element_room, fluid),
             (np.zeros(LOAD_SIZE), np.zeros(channels, np.bool_)),
         )
-        flow, (sides, nearby_sides), (walls, nearby_walls), work, (weight, area), others = lent(own_space)
-        buf, begin, runs, nearby, kept = flow
-        load, around = others
+        flow, (sides, nearby_sides), (walls, nearby_walls), area, (load, around) = lent(own_space)
+        buf, begin, runs, nearby, kept, work = flow
+        weight = work[WORK_ROWS]
         signed_a, inside_a, near_of, own_loads = lent((signed, inside, near, loads[chunk]))
         packed, beside = (elements, element_column, element_start), (element_signed, element_inside)
         for turn in range(share(integers)):
             number = dealt(integers, chunk, turn)
             if number < 0:
                 continue
-            place = stretch(integers, number)
-            cx, cy, z0, z1, centre = place
-            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, place, runs, buf, begin)
-            slabs = marked_slabs(near_any, integers, place)
+            patch = patch_of(integers, number)
+            centre = centre_of(patch)
+            fill((fluid, column, start), FLUID, ANY_IMAGE, integers, cell, patch, runs, buf, begin)
+            slabs = marked_slabs(near_any, integers, patch)
             close = slabs[1] > slabs[0]
             if close:
-                gather_walls(packed, beside, near_of, slabs, integers, cell, place, returning, around, walls)
-                gather_sides(signed, inside, begin, runs, slabs, panels, around, sides.signed, sides.inside)
-            for cz in range(z0, z1):
-                c = (cz * ny + cy) * nx + cx
+                gather_walls(packed, beside, near_of, slabs, integers, cell, patch, returning, around, walls)
+                gather_sides(
+                    signed, inside, begin, patch, runs, slabs, panels, around, sides.signed, sides.inside
+                )
+            for member in range(cells_in(patch)):
+                c, window, offset = cell_of(patch, member, integers, cell)
                 if start[c + 1] == start[c]:
                     continue
-                offset = cell.dtype.type(cz - centre) * cell[2]
                 box = box_around(fluid, start[c], start[c + 1], offset)
-                n, looks = keep_nearby(buf, FLUID_ROWS, begin, cz - z0, box, reach2, orders, nearby, kept)
+                n, looks = keep_nearby(
+                    buf, FLUID_ROWS, begin, patch, window, box, reach2, orders, nearby, kept
+                )
                 beside_walls = near_any[c]
                 if beside_walls:
                     keep_sides(sides, kept, looks, n, orders, near_of[:, c], nearby_sides)
-                    keep_walls(walls, cz - z0, box, reach2, orders, returning, near_of[:, c], nearby_walls)
+                    keep_walls(
+                        walls, patch, window, box, reach2, orders, returning, near_of[:, c], nearby_walls
+                    )
                 for i in range(start[c], start[c + 1]):
                     a = read_particle(fluid, offset, i)
                     s_a, d_a = signed_a[:, i], inside_a[:, i]
                     seen = nearby[VOLUME]
                     if beside_walls:
                         near_s, near_d, below, above = nearby_sides
-                        seen = hide(seen, s_a, d_a, near_s, near_d, below, above, n, weight[0])
+                        seen = hide(seen, s_a, d_a, near_s, near_d, below, above, n, weight)
                     number_a = order[i]
                     own = own_factors(scale, a[6], keep_diffusion or not beside_walls, k)
                     sums = sum_pairs(a, own, nearby, seen, n, k, shifting, work)
-                    store_rates(sums, scale, a[6], number_a, shifting, acceleration, density_rate, shift)
+                    store_rates(sums, scale, a[6], number_a, acceleration, density_rate, shift)
                     if not beside_walls:
                         continue
                     at = (
-                        corner[0] + (cx + 0.5) * cell[0] + a[0],
-                        corner[1] + (cy + 0.5) * cell[1] + a[1],
-                        corner[2] + (centre + 0.5) * cell[2] + a[2],
+                        corner[0] + (patch.x + 0.5) * cell[0] + a[0],
+                        corner[1] + (centre[0] + 0.5) * cell[1] + a[1],
+                        corner[2] + (centre[1] + 0.5) * cell[2] + a[2],
                     )
                     for channel in range(channels):
                         n_wall = nearby_walls.entries[channel]
@@ -214,6 +209,6 @@ def walled_pass(
                 if beside_walls and reactions is not None:
                     add_reactions(nearby_walls, around, walls)
             if close and reactions is not None:
-                return_reactions(walls, around, panels, place, scale[MASS], reactions[chunk])
+                return_reactions(walls, around, panels, patch, scale[MASS], reactions[chunk])
         held(own_space)
         restore_mode(mode)
