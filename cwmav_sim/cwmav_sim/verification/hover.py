@@ -39,9 +39,9 @@ class HoveringEllipse:
     thickness: float = 0.1
     remark: str = (
         "the drag is 8 % too high, and a single run scatters by 1.7 %: seven starts disturbed otherwise gave "
-        "+4.8 to +9.7 %, +8.2 +- 0.6 % in the mean (lift -6.0 to +0.8 %); with the sums in their former order "
-        "(decisions/0020) and the same starts +5.0 to +9.5 %, +7.7 +- 0.6 %; on a processor with 32-byte "
-        "vectors six gave +6.9 to +11.7 %, +9.6 +- 0.7 %"
+        "+4.8 to +9.7 %, +8.2 +- 0.6 % in the mean (lift -6.0 to +0.8 %); with the sums in their former "
+        "order (decisions/0020) and the same starts +5.0 to +9.5 %, +7.7 +- 0.6 %; on a processor with "
+        "32-byte vectors six gave +6.9 to +11.7 %, +9.6 +- 0.7 %"
     )
 
     def run(self) -> list[Check]:
