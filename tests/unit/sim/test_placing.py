@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from cwmav_sim import case as cases
 from cwmav_sim.sph.cells import make_grid, sort_into_cells
 from cwmav_sim.sph.sheet import SheetQuadrature
-from cwmav_sim.sph.surfaces import locate_surfaces
+from cwmav_sim.sph.surfaces import Sides, locate_surfaces
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +111,15 @@ def test_a_panel_of_which_the_set_back_leaves_nothing_is_out_of_reach():
     own = found.particle_sides.in_storage_order(2, sorting.order, sorting.start, found.near_any)
     assert own.signed[0, 0] == pytest.approx(0.01)
     assert not own.signed[1].any()
+
+
+def test_sides_in_another_order_stay_row_by_row():
+    """A loop is compiled once for every layout of memory."""
+    draw = np.random.default_rng(2)
+    sides = Sides(draw.normal(size=(2, 9)), draw.normal(size=(2, 9)), draw.normal(size=(2, 3, 9)))
+    places = draw.permutation(9)
+    taken = sides.take(places)
+    for name in ("signed", "inside", "normal"):
+        values = getattr(taken, name)
+        assert values.flags.c_contiguous
+        assert (values == getattr(sides, name)[..., places]).all()
