@@ -138,10 +138,15 @@ def wrapped(x: float, low: float, size: float) -> float:
 
 
 @nb.njit(cache=True)
-def place_of(x: float, low: float, cell: float, cells: int) -> tuple[int, float]:
-    """Return the index of the cell of a coordinate, and where that lies from the centre of the cell."""
-    index = min(max(int(np.floor((x - low) / cell)), 0), cells - 1)
-    return index, x - low - (index + 0.5) * cell
+def cell_index(x: float, low: float, cell: float, cells: int) -> int:
+    """Return the index of the cell of a coordinate; what lies outside belongs to the outermost cells."""
+    return min(max(int(np.floor((x - low) / cell)), 0), cells - 1)
+
+
+@nb.njit(cache=True)
+def from_centre(x: float, low: float, cell: float, index: int) -> float:
+    """Return where a coordinate lies from the centre of the cell of an index."""
+    return x - low - (index + 0.5) * cell
 
 
 @nb.njit(cache=True, parallel=True)
@@ -162,8 +167,7 @@ def _sort(
     number = np.empty(n, np.int64)
     for i in nb.prange(n):
         for k in range(3):
-            c = int(np.floor((x[i, k] - low[k]) / cell[k]))
-            index[i, k] = min(max(c, 0), integers[k] - 1)
+            index[i, k] = cell_index(x[i, k], low[k], cell[k], integers[k])
         number[i] = (index[i, 2] * ny + index[i, 1]) * nx + index[i, 0]
     start = np.zeros(cells + 1, np.int64)
     for i in range(n):
@@ -181,5 +185,5 @@ def _sort(
         i = order[j]
         column[j] = index[i, 0]
         for k in range(3):
-            local[j, k] = x[i, k] - low[k] - (index[i, k] + 0.5) * cell[k]
+            local[j, k] = from_centre(x[i, k], low[k], cell[k], index[i, k])
     return order, start, column, local

@@ -9,7 +9,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from cwmav_sim.sph.cells import Grid, place_of, wrapped
+from cwmav_sim.sph.cells import Grid, cell_index, from_centre, wrapped
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -118,7 +118,8 @@ def _pack(
             at = x[chosen[j], q]
             if q != 1 or not mirrored:
                 at = wrapped(at, low[q], size[q])
-            index[j, q], local[j, q] = place_of(at, low[q], cell[q], integers[q])
+            index[j, q] = cell_index(at, low[q], cell[q], integers[q])
+            local[j, q] = from_centre(at, low[q], cell[q], index[j, q])
         inside = (index[j, 2] * ny + index[j, 1]) * nx + index[j, 0]
         key[j] = panel[chosen[j]] * (nx * ny * nz) + inside
         first[key[j] + 1] += 1

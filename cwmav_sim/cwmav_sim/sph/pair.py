@@ -111,7 +111,6 @@ def sum_pairs(a, factors, buf, volume, n, k, shifting, work):
     tuple of 7 floats
         Continuity, momentum (3), shifting (3), each without the kernel slope factor.
     """
-    long_vectors()
     # With a constant, a loop each is compiled and vectorised; with a variable the terms are only masked.
     if shifting:
         return _sum(a, factors, buf, volume, n, k, True, work)

@@ -16,6 +16,7 @@ from cwmav_sim.sph.patches import SLABS, Patch
 
 ROWS, ENTRIES, ROOM = 5, 203, 304
 PATCH, WINDOW = Patch(0, 0, 2, 0, 3, REACH), (1, 1)  # rows 1 to 5 of 6, slabs 1 to 5 of 7
+WINDOW_ROWS = PATCH.y1 - PATCH.y0 + 2 * REACH
 
 
 @nb.njit
@@ -36,7 +37,7 @@ def window(request):
     """
     draw, kind = np.random.default_rng(3), request.param
     length = draw.integers(0, 9, SLABS * MOST_ROWS)
-    rows = PATCH.y1 - PATCH.y0 + 2 * REACH
+    rows = WINDOW_ROWS
     length[7 * rows :] = 0
     length[7 * rows - 1] += ENTRIES - length.sum()
     begin = np.concatenate([[0], np.cumsum(length)])
@@ -97,7 +98,27 @@ def test_every_processor_keeps_the_same(window, monkeypatch, features):
     assert blocks.has_compression() == bool(host.get("avx512f", False))
     if any(not host.get(feature, False) for feature in features):
         pytest.skip(f"this processor has not all of {features}")
+    expected, *_ = kept_of(*window)
     monkeypatch.setattr(blocks, "_has", lambda feature: feature in features)
+
+    @nb.njit
+    def kept_here(buf, begin, box, reach2, orders, out):
+        entries, at, width = 0, 0, blocks.lanes_of(buf)
+        for slab in range(1, 6):
+            first, last = begin[slab * WINDOW_ROWS + 1], begin[slab * WINDOW_ROWS + 6]
+            at = max(at, first // width * width)
+            while at < last:
+                bits = blocks.lanes_within(buf, at, box[0], box[1], reach2)
+                blocks.copy_lanes(out, entries, buf, at, (0, ROWS), bits, orders)
+                entries += blocks.count_lanes(bits)
+                at += width
+        return entries
+
+    found = np.full((ROWS, ROOM), np.nan, window[0].dtype)
+    entries = kept_here(*window, lane_orders(window[0].dtype), found)
+    assert entries > 20
+    assert entries == len(within(window[0], *window[2:]))
+    assert (found[:, :entries] == expected[:, :entries]).all()
 
     @nb.njit
     def copied(source, first, bits, orders, out):
