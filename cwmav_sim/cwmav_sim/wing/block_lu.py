@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
 from cwmav_sim.wing.algebra import Vector, compiled, inlined, matrix, minus, put, row, turned
+from cwmav_sim.wing.dissection import elimination_order
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -63,7 +63,7 @@ class BlockLU:
         graph = sp.csc_matrix(
             (np.ones(len(entry_row)), (entry_row // 3, entry_column // 3)), shape=(size, size)
         )
-        self.order = _elimination_order(graph)
+        self.order = elimination_order(graph)
         place = np.empty(size, dtype=np.int64)
         place[self.order] = np.arange(size)
         row, column = _filled(graph, self.order, place)
@@ -87,19 +87,6 @@ class BlockLU:
         if not _factorise(blocks, self.starts, self.diagonal, self.columns):
             raise RuntimeError("the matrix is singular")
         return Factors(self, blocks)
-
-
-def _elimination_order(graph: sp.csc_matrix) -> IntArray:
-    """Return the vectors in an order of little fill (minimum degree), shape (n,)."""
-    size = graph.shape[0]
-    if size == 0:
-        return np.zeros(0, dtype=np.int64)
-    like = sp.csc_matrix((np.full(graph.nnz, -1.0), graph.indices, graph.indptr), shape=graph.shape)
-    dominant = sp.csc_matrix(like + sp.identity(size) * (2.0 * size))
-    factors = sla.splu(
-        dominant, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True, "DiagPivotThresh": 0.0}
-    )
-    return np.argsort(factors.perm_c).astype(np.int64)
 
 
 def _filled(graph: sp.csc_matrix, order: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
