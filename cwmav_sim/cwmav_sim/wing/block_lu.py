@@ -54,6 +54,8 @@ class BlockLU:
         Diagonal block of every row.
     columns : ndarray, shape (p,)
         Column of every block.
+    places : ndarray, shape (nnz,)
+        Place of every stored entry in the flattened blocks.
     """
 
     def __init__(self, pattern: sp.csc_matrix) -> None:
@@ -72,7 +74,7 @@ class BlockLU:
         self.starts = np.searchsorted(row, np.arange(size + 1)).astype(np.int64)
         self.diagonal = np.searchsorted(key, np.arange(size) * (size + 1)).astype(np.int64)
         block = np.searchsorted(key, place[entry_row // 3] * size + place[entry_column // 3])
-        self._place = 9 * block + 3 * (entry_row % 3) + entry_column % 3
+        self.places = 9 * block + 3 * (entry_row % 3) + entry_column % 3
 
     def factorised(self, stored: sp.csc_matrix) -> Factors:
         """Factorise a matrix.
@@ -83,7 +85,7 @@ class BlockLU:
             A pivot vanishes, or is not a number.
         """
         blocks = np.zeros((len(self.columns), 3, 3))
-        blocks.reshape(-1)[self._place] = stored.data
+        blocks.reshape(-1)[self.places] = stored.data
         if not _factorise(blocks, self.starts, self.diagonal, self.columns):
             raise RuntimeError("the matrix is singular")
         return Factors(self, blocks)
@@ -193,7 +195,7 @@ def _solve(
         put(y, i, (rest[0], second, rest[2] - low[2, 0] * rest[0] - low[2, 1] * second))
     for i in range(count - 1, -1, -1):
         rest = row(y, i)
-        for p in range(diagonal[i] + 1, starts[i + 1]):
+        for p in range(starts[i + 1] - 1, diagonal[i], -1):  # as they become known
             rest = minus(rest, turned(matrix(blocks, p), row(y, columns[p])))
         up = blocks[diagonal[i]]
         third = rest[2] / up[2, 2]
