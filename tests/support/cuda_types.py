@@ -3,7 +3,8 @@
 
 The simulator runs kernels as Python and sees no types, so it lets pass what no card would compile. Here the
 solver makes a step in which every start of a kernel compiles it for the types of its arguments instead.
-``python -m support.cuda_types`` prints the names of the kernels as one JSON list.
+``python -m support.cuda_types`` prints the names of the kernels as one JSON list, ``... structure`` those of
+the structure.
 """
 
 import json
@@ -14,9 +15,11 @@ from numba import cuda
 from numba.cuda import compiler, dispatcher
 from numba.cuda.typing.typeof import typeof
 
-from cwmav_sim.cuda import crossing, launch, solver
+from cwmav_sim.cuda import block_lu, crossing, launch, solver
 from cwmav_sim.sph.settings import Resolution
+from cwmav_sim.wing.block_lu import BlockLU
 from support.cuda_checks import DP, HALF, TwoPlates, flow
+from support.cuda_structure_checks import blocks, net
 
 CAPABILITY = (9, 0)
 
@@ -63,7 +66,8 @@ def _compile(kernel, configuration):
     return start
 
 
-def main():
+def prepare():
+    """Let every start of a kernel compile it, with arrays in the memory of the host."""
     dispatcher.get_current_device = compiler.get_current_device = _Device
     cuda.pinned_array, cuda.default_stream = np.empty, lambda: None
     dispatcher.CUDADispatcher.__getitem__ = _compile
@@ -71,6 +75,9 @@ def main():
         for name, stand_in in (("empty", _zeros), ("zeros", _zeros), ("upload", _upload)):
             if hasattr(module, name):
                 setattr(module, name, stand_in)
+
+
+def air():
     settings = flow(HALF, resolution=Resolution(dp=DP, jitter=0.2))
     card = solver.CudaSolver(settings, TwoPlates(), 2.0)
     for _ in range(2):
@@ -78,8 +85,16 @@ def main():
     card.momentum()
     launch.launch(crossing._places, 1, 1, card._net._events, card._air.x, card._net._values)
     launch.launch(solver.confine_all, 1, card._air.x, card._air.v, *card._box)
-    print(json.dumps(sorted(compiled.values())))
+
+
+def structure():
+    a = blocks(net(3, 3), 1)
+    card = block_lu.CardLU(BlockLU(a))
+    card.factorise(_upload(a.data))
+    card.solve(_zeros((9, 3)), _zeros((9, 3)))
 
 
 if __name__ == "__main__":
-    main()
+    prepare()
+    structure() if "structure" in sys.argv else air()
+    print(json.dumps(sorted(compiled.values())))

@@ -35,7 +35,8 @@ class CardLU:
     def __init__(self, lu: BlockLU) -> None:
         rows, entries = len(lu.order), 9 * len(lu.columns)
         graph = sp.csr_matrix((np.ones(len(lu.columns)), lu.columns, lu.starts), shape=(rows, rows))
-        self._pieces, piece = connected_components(graph, directed=False)
+        self._pieces, numbers = connected_components(graph, directed=False)
+        piece = numbers.astype(np.int64)
         stored = np.full(entries, -1, dtype=np.int64)
         stored[lu.places] = np.arange(len(lu.places))
         (self._stored,) = _uploaded(stored)
@@ -88,13 +89,12 @@ def _plan_rows(lu: BlockLU, piece: IntArray) -> list[tuple[IntArray, ...]]:
 
     A product is that of a block and what its column holds. On the way up the last block comes first.
     """
-    numbers, nothing = np.arange(len(lu.order)), np.full(len(lu.order), -1)
+    down, nothing = np.arange(len(lu.order)), np.full(len(lu.order), -1)
     needs, end = np.stack([lu.columns, lu.columns]), len(lu.columns)
+    up, back = down[::-1].copy(), needs[:, ::-1].copy()
     works = (
-        Work(numbers, piece, lu.starts[:-1], lu.diagonal, needs, nothing),
-        Work(
-            numbers[::-1].copy(), piece, end - lu.starts[1:], end - 1 - lu.diagonal, needs[:, ::-1], nothing
-        ),
+        Work(down, piece, lu.starts[:-1], lu.diagonal, needs, nothing),
+        Work(up, piece, end - lu.starts[1:], end - 1 - lu.diagonal, back, nothing),
     )
     return [(lu.columns, lu.diagonal, lu.order, *plan(work)[0]) for work in works]
 
