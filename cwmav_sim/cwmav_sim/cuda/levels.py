@@ -97,7 +97,7 @@ def _levels(turns: IntArray, first: IntArray, last: IntArray, needs: IntArray, d
 def _sums(level: IntArray, first: IntArray, last: IntArray, known: IntArray) -> IntArray:
     """Return target, range of products and level of every sum, shape (4, sums).
 
-    Each ends with the last product of those before which all are known by then.
+    A sum ends before the first product not yet known, whatever is known behind it: the order stays.
     """
     out = np.empty((4, len(level) + len(known) // _SEVERAL), np.int64)
     made = 0
