@@ -24,6 +24,7 @@ class EnergyOfExchange:
 
     model: str
     slow: bool = True
+    flexible: bool = True
     cycles: float = 1.0
 
     @property

@@ -25,8 +25,8 @@ from cwmav_sim.verification.structure_flag import (
     Flag,
     flag,
 )
-from cwmav_sim.wing.dynamics import Configuration
 from cwmav_sim.wing.integrate import Integration
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
 from cwmav_sim.wing.structure import FlexibleWings
 
@@ -175,6 +175,7 @@ class FlagInFlow:
     name: str = "fsi2"
     summary: str = "Turek-Hron FSI2, coarse: elastic flag behind a cylinder, swung by its wake"
     slow: bool = True
+    flexible: bool = True
     cells: int = 10
     length: float = 1.8
     duration: float = 14.0

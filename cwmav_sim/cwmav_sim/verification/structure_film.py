@@ -10,8 +10,10 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from cwmav_sim.verification.protocol import Check
-from cwmav_sim.wing.dynamics import Configuration, Inertia, StillRoot, System
+from cwmav_sim.wing.drive import StillRoot
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.membrane import Membrane, lumped_mass, plane_stress
+from cwmav_sim.wing.parts import Configuration, Inertia
 from cwmav_sim.wing.rotation import exponential
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 from cwmav_sim.wing.statics import at_rest, equilibrium, frequencies
@@ -56,6 +58,7 @@ class FilmPatch:
     name: str = "structure-patch"
     summary: str = "patch test and rigid rotation of film triangles"
     slow: bool = False
+    flexible: bool = True
 
     def run(self) -> list[Check]:
         """Run the case and compare."""
@@ -98,6 +101,7 @@ class DrumFrequencies:
     name: str = "structure-film-frequency"
     summary: str = "natural frequencies of a tight square film"
     slow: bool = False
+    flexible: bool = True
     cells: int = 20
     side: float = 0.1
 

@@ -10,8 +10,10 @@ import numpy as np
 from cwmav_sim.verification.protocol import Check
 from cwmav_sim.verification.structure_solid import Solid, plane_strain, solid_mass
 from cwmav_sim.wing.carried import CarriedAir, node_blocks
-from cwmav_sim.wing.dynamics import Configuration, Inertia, StillRoot, System
+from cwmav_sim.wing.drive import StillRoot
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.integrate import Integration, Integrator
+from cwmav_sim.wing.parts import Configuration, Inertia
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 from cwmav_sim.wing.statics import at_rest, equilibrium
 
@@ -73,6 +75,7 @@ class FlagAtRest:
     name: str = "structure-csm1"
     summary: str = "Turek-Hron CSM1: static deflection of an elastic flag under gravity"
     slow: bool = False
+    flexible: bool = True
     along: int = 35
     across: int = 2
 
@@ -94,6 +97,7 @@ class FlagSwinging:
     name: str = "structure-csm3"
     summary: str = "Turek-Hron CSM3: free oscillation of an elastic flag under gravity"
     slow: bool = False
+    flexible: bool = True
     along: int = 20
     across: int = 1
     step: float = 0.01

@@ -30,6 +30,7 @@ class LatticeAgainstMembrane:
     name: str = "structure-lattice"
     summary: str = "twist under pressure: facets and ball joints against film and rods"
     slow: bool = False
+    flexible: bool = True
     spacing: float = 0.006
     spanwise: int = 16
     chordwise: int = 10

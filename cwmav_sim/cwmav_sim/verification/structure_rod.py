@@ -11,8 +11,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk, ellipkinc
 
 from cwmav_sim.verification.protocol import Check
-from cwmav_sim.wing.dynamics import Configuration, Inertia, Load, StillRoot, System
+from cwmav_sim.wing.drive import StillRoot
+from cwmav_sim.wing.dynamics import Load, System
 from cwmav_sim.wing.integrate import Integration, Integrator
+from cwmav_sim.wing.parts import Configuration, Inertia
 from cwmav_sim.wing.rods import RodPath, Section, Stiffener, rod_elements, straight_rod
 from cwmav_sim.wing.sheet import FloatArray
 from cwmav_sim.wing.statics import at_rest, equilibrium, frequencies
@@ -90,6 +92,7 @@ class LargeDeflection:
     name: str = "structure-elastica"
     summary: str = "large deflection of a clamped rod against the elastica"
     slow: bool = False
+    flexible: bool = True
     elements: int = 20
     loads: tuple[float, ...] = (1.0, 2.0, 10.0)
 
@@ -117,6 +120,7 @@ class RodFrequencies:
     name: str = "structure-rod-frequency"
     summary: str = "natural frequencies of a clamped rod"
     slow: bool = False
+    flexible: bool = True
     elements: int = 40
 
     def run(self) -> list[Check]:
@@ -143,6 +147,7 @@ class RodEnergy:
     name: str = "structure-energy"
     summary: str = "energy of a swinging rod without damping"
     slow: bool = False
+    flexible: bool = True
     elements: int = 8
     step: float = 4e-5
     duration: float = 0.024

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 _GAUSS = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)]), np.array([5.0, 8.0, 5.0]) / 9.0

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.motion import Energies, Motion
-from cwmav_sim.wing.motion_loops import displaced
-from cwmav_sim.wing.rotation import logarithm
-from cwmav_sim.wing.sheet import FloatArray
+from cwmav_sim.wing.parts import Configuration
+from cwmav_sim.wing.sheet import FloatArray, IntArray
+from cwmav_sim.wing.step_loops import doubled_works, half_way, travelled
 
 
 def account(
@@ -36,33 +34,29 @@ def account(
     force, reaction : ndarray, shapes (n + k, 3) and (h, 3)
         External forces and moments, and those that hold the driven rows, at the end.
     """
-    h, drive, held = target - old.time, system.drive, system.held_rows
-    travelled = 0.5 * h * (old.configuration.rates + c.rates)
-    travelled[system.free_rows] = moved[system.free_rows]
-    travelled[drive.nodes] = c.x[drive.nodes] - old.configuration.x[drive.nodes]
-    load_work = 0.5 * float(np.sum((old.force + force) * travelled))
-    drive_work = 0.5 * float(np.sum((old.reaction + reaction) * travelled[held]))
-    middle, between = _middle(system, old.configuration, c, moved, h), 0.5 * (old.time + target)
-    lost, carried = system.drag_power(middle, drive.carrier(between))
+    h, begin, arithmetic = target - old.time, old.configuration, system.arithmetic
+    driven = system.places.driven
+    way = arithmetic.empty(system.rows, 3)
+    arithmetic.run(travelled, system.rows, h, driven, begin, c, moved, way)
+    middle = system.room()
+    arithmetic.run(half_way, system.rows, h, driven, begin, c, moved, middle)
+    lost, carried = system.drag_power(middle, system.drive.carrier(0.5 * (old.time + target)))
     e = old.energies
     return Energies(
         kinetic=system.kinetic(c),
         elastic=system.elastic(c),
         dissipated=e.dissipated + h * (lost + system.viscous_power(middle)),
         contact=e.contact,
-        load_work=e.load_work + load_work,
-        drive_work=e.drive_work + drive_work - h * carried,
+        load_work=e.load_work + _work(system, system.places.every, old.force, force, way),
+        drive_work=e.drive_work
+        + _work(system, system.places.held, old.reaction, reaction, way)
+        - h * carried,
         initial=e.initial,
     )
 
 
-def _middle(
-    system: System, old: Configuration, c: Configuration, moved: FloatArray, h: float
-) -> Configuration:
-    """Half-way configuration with the step's mean velocities: its strain rates are the exact changes."""
-    n, nodes, bodies = system.nodes, system.drive.nodes, system.drive.bodies
-    moved = moved.copy()
-    moved[nodes] = c.x[nodes] - old.x[nodes]
-    moved[n + bodies] = logarithm(c.turn[bodies] @ np.swapaxes(old.turn[bodies], 1, 2))
-    x, half = displaced(old.x, old.turn, 0.5 * moved)
-    return Configuration(x, moved[:n] / h, half, moved[n:] / h)
+def _work(system: System, rows: IntArray, one: FloatArray, other: FloatArray, way: FloatArray) -> float:
+    """Work of the mean of two forces on the way of their rows [J]."""
+    out = system.arithmetic.empty(len(rows))
+    system.arithmetic.run(doubled_works, len(rows), rows, one, other, way, out)
+    return 0.5 * system.arithmetic.total(out)

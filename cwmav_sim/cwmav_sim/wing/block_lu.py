@@ -76,8 +76,8 @@ class BlockLU:
         block = np.searchsorted(key, place[entry_row // 3] * size + place[entry_column // 3])
         self.places = 9 * block + 3 * (entry_row % 3) + entry_column % 3
 
-    def factorised(self, stored: sp.csc_matrix) -> Factors:
-        """Factorise a matrix.
+    def factorised(self, stored: FloatArray) -> Factors:
+        """Factorise the matrix whose stored entries are given, in the order of the pattern's.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class BlockLU:
             A pivot vanishes, or is not a number.
         """
         blocks = np.zeros((len(self.columns), 3, 3))
-        blocks.reshape(-1)[self.places] = stored.data
+        blocks.reshape(-1)[self.places] = stored
         if not _factorise(blocks, self.starts, self.diagonal, self.columns):
             raise RuntimeError("the matrix is singular")
         return Factors(self, blocks)

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwmav_sim.wing.dynamics import Configuration, Load
+from cwmav_sim.wing.dynamics import Load
 from cwmav_sim.wing.flexible import Plan, membrane_wings
 from cwmav_sim.wing.lattice import lattice_wings
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.rotation import cross, turn_back
 from cwmav_sim.wing.sheet import FloatArray
 from cwmav_sim.wing.structure import FlexibleWings

@@ -13,12 +13,14 @@ step (Causin, Gerbeau & Nobile, CMAME 194 (2005) 4506).
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
-from cwmav_sim.wing.algebra import compiled
-from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.arithmetic import HOST, Arithmetic
+from cwmav_sim.wing.load_loops import scaled, take_resistance
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -46,39 +48,52 @@ class CarriedAir:
 
     Parameters
     ----------
-    dofs : ndarray, shape (m, d)
-        Scalar unknowns of every block.
+    rows : ndarray, shape (m, r)
+        Rows whose rates each block couples; no two blocks share one.
     """
 
-    def __init__(self, dofs: IntArray) -> None:
-        self._dofs = dofs
-        self._blocks = np.zeros((*dofs.shape, dofs.shape[1]))
+    def __init__(self, rows: IntArray) -> None:
+        self._arithmetic: Arithmetic = HOST
+        self._rows = rows
+        self._dofs = (3 * rows[:, :, None] + np.arange(3)).reshape(len(rows), -1)
+        size = self._dofs.shape[1]
+        self._blocks = np.zeros((len(rows), size, size))
         self._foreseen: FloatArray | None = None
+
+    def brought(self, arithmetic: Arithmetic) -> CarriedAir:
+        """Return the same blocks in the place of an arithmetic."""
+        other = copy(self)
+        other._arithmetic = arithmetic
+        other._rows, other._blocks = arithmetic.brought(self._rows), arithmetic.brought(self._blocks)
+        other._foreseen = None
+        return other
 
     @property
     def dofs(self) -> IntArray:
-        """Scalar unknowns of every block, shape (m, d)."""
+        """Scalar unknowns of every block, shape (m, d), on the host."""
         return self._dofs
 
     def renew(self, blocks: FloatArray, foreseen: FloatArray) -> None:
         """Take over B/h, shape (m, d, d) [kg/s], and the foreseen rates at the end of the step (rows, 3)."""
         self._blocks, self._foreseen = blocks, foreseen
 
-    def load(self, c: Configuration) -> FloatArray:
-        """Return the change of the load, shape (rows, 3)."""
-        rates = c.rates
-        if self._foreseen is None:
-            return np.zeros_like(rates)
-        missed = (rates - self._foreseen).ravel()
-        return _resistance(self._blocks, self._dofs, missed).reshape(-1, 3)
+    def change(self, c: Configuration, load: FloatArray) -> None:
+        """Add to a load (rows, 3) how it changes."""
+        if self._foreseen is not None:
+            self._arithmetic.run(
+                take_resistance, len(self._dofs), self._blocks, self._rows, c, self._foreseen, load
+            )
 
     def forces(self, c: Configuration) -> FloatArray:
         """Return zero: the force is a load."""
-        return np.zeros(self._dofs.shape)
+        return self._arithmetic.zeros(*self._dofs.shape)
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return the derivative of the load, shape (m, d, d)."""
-        return rate * self._blocks
+        out, flat = self._arithmetic.empty(*self._dofs.shape, self._dofs.shape[1]), self._arithmetic.flat
+        values = flat(self._blocks)
+        self._arithmetic.run(scaled, len(values), rate, values, flat(out))
+        return out
 
     def energy(self, c: Configuration) -> float:
         """Return zero."""
@@ -89,23 +104,12 @@ class CarriedAir:
         return 0.0
 
 
-@compiled
-def _resistance(blocks: FloatArray, dofs: IntArray, rates: FloatArray) -> FloatArray:
-    """Return minus the blocks (m, d, d) times the rates of their unknowns, summed over the blocks."""
-    out = np.zeros(len(rates))
-    for m in range(dofs.shape[0]):
-        for i in range(dofs.shape[1]):
-            for j in range(dofs.shape[1]):
-                out[dofs[m, i]] -= blocks[m, i, j] * rates[dofs[m, j]]
-    return out
-
-
 def node_blocks(count: int) -> IntArray:
-    """Unknowns of blocks of one position each, shape (count, 3)."""
-    return np.arange(3 * count, dtype=np.int64).reshape(-1, 3)
+    """Rows of blocks of one position each, shape (count, 1)."""
+    return np.arange(count, dtype=np.int64)[:, None]
 
 
 def body_blocks(count: int) -> IntArray:
-    """Unknowns of blocks of position and spin of one body each, shape (count, 6)."""
+    """Rows of blocks of position and spin of one body each, shape (count, 2)."""
     position = node_blocks(count)
-    return np.concatenate([position, position + 3 * count], axis=1)
+    return np.concatenate([position, position + count], axis=1)

@@ -19,8 +19,11 @@ objectivity.
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
+from cwmav_sim.wing.arithmetic import HOST, Arithmetic, brought_tuple
 from cwmav_sim.wing.connector_loops import (
     connector_dissipation,
     connector_energy,
@@ -28,7 +31,7 @@ from cwmav_sim.wing.connector_loops import (
     connector_tangent,
 )
 from cwmav_sim.wing.connector_shape import Ends, Stiffness
-from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 __all__ = ["Connectors", "Ends", "Stiffness"]
@@ -52,30 +55,52 @@ class Connectors:
     def __init__(
         self, first: Ends, second: Ends, stiffness: Stiffness, nodes_total: int, *, viscosity: float = 0.0
     ) -> None:
+        self._arithmetic: Arithmetic = HOST
         self.first, self.second, self.stiffness, self.viscosity = first, second, stiffness, viscosity
         bodies1, bodies2 = (nodes_total + end.body[:, None] for end in (first, second))
         rows = np.concatenate([first.nodes, bodies1, second.nodes, bodies2], axis=1)
         self._dofs = (3 * rows[:, :, None] + np.arange(3)).reshape(len(rows), -1)
 
+    def brought(self, arithmetic: Arithmetic) -> Connectors:
+        """Return the same connectors with their arrays in the place of an arithmetic."""
+        other = copy(self)
+        other._arithmetic = arithmetic
+        other.first, other.second = (brought_tuple(arithmetic, e) for e in (self.first, self.second))
+        other.stiffness = brought_tuple(arithmetic, self.stiffness)
+        return other
+
     @property
     def dofs(self) -> IntArray:
-        """Scalar unknowns: nodes of the first end, its body, nodes of the second end, its body."""
+        """Scalar unknowns: nodes and body of the first end, nodes and body of the second; on the host."""
         return self._dofs
 
     def forces(self, c: Configuration) -> FloatArray:
-        """Return the resisting forces and moments, shape (m, d)."""
-        forces = connector_forces(
-            c.x, c.v, c.turn, c.spin, self.first, self.second, self.stiffness, self.viscosity
+        """Return the resisting forces and moments of every row of a connector, shape (m, d/3, 3)."""
+        count, size = self._dofs.shape
+        out = self._arithmetic.empty(count, size // 3, 3)
+        self._arithmetic.run(
+            connector_forces,
+            count,
+            *c,
+            self.first,
+            self.second,
+            self.stiffness,
+            self.viscosity,
+            out,
         )
-        return forces.reshape(self._dofs.shape)
+        return out
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
-        """Return the stiffness with its viscous part, shape (m, d, d).
+        """Return the stiffness with its viscous part, shape (m, d/3, 3, d/3, 3).
 
         Derivatives of tau and S are left out: they are of second order in psi, below 1 % of the term they
         would correct at 0.3 rad per element, and only convergence depends on them.
         """
-        tangent = connector_tangent(
+        count, size = self._dofs.shape
+        out = self._arithmetic.empty(count, size // 3, 3, size // 3, 3)
+        self._arithmetic.run(
+            connector_tangent,
+            count,
             c.x,
             c.turn,
             self.first,
@@ -83,21 +108,32 @@ class Connectors:
             self.stiffness,
             self.viscosity,
             rate,
-            stressed.x,
-            stressed.v,
-            stressed.turn,
-            stressed.spin,
+            *stressed,
+            out,
         )
-        return tangent.reshape(*self._dofs.shape, -1)
+        return out
 
     def energy(self, c: Configuration) -> float:
         """Return the elastic energy [J]."""
-        return connector_energy(c.x, c.turn, self.first, self.second, self.stiffness)
+        out = self._arithmetic.empty(len(self._dofs))
+        self._arithmetic.run(
+            connector_energy, len(self._dofs), c.x, c.turn, self.first, self.second, self.stiffness, out
+        )
+        return self._arithmetic.total(out)
 
     def dissipation(self, c: Configuration) -> float:
         """Return the viscous power [W]."""
         if not self.viscosity:
             return 0.0
-        return connector_dissipation(
-            c.x, c.v, c.turn, c.spin, self.first, self.second, self.stiffness, self.viscosity
+        out = self._arithmetic.empty(len(self._dofs))
+        self._arithmetic.run(
+            connector_dissipation,
+            len(self._dofs),
+            *c,
+            self.first,
+            self.second,
+            self.stiffness,
+            self.viscosity,
+            out,
         )
+        return self._arithmetic.total(out)

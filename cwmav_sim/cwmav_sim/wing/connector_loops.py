@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Connectors one by one: forces, tangent and energies of :mod:`cwmav_sim.wing.connector`."""
+"""Connectors one by one: forces, tangent and energies of :mod:`cwmav_sim.wing.connector`.
+
+Loops run as :mod:`cwmav_sim.wing.arithmetic` says.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
-
-import numpy as np
 
 from cwmav_sim.wing.algebra import (
     Vector,
@@ -34,23 +35,27 @@ from cwmav_sim.wing.connector_shape import (
 )
 from cwmav_sim.wing.sheet import FloatArray
 
+_Loads = tuple[Vector, Vector, Vector]  # the force between the ends, the moments on both bodies
+
 
 @inlined
-def _spread(out: FloatArray, m: int, one: Ends, two: Ends, loads: tuple[Vector, Vector, Vector]) -> None:
-    """Write the force between the ends and the moments on both bodies to the rows of connector ``m``."""
+def _spread(out: FloatArray, m: int, one: Ends, two: Ends, loads: _Loads) -> None:
+    """Write what a connector does to the nodes and bodies of its ends."""
     force, first, second = loads
     bodies1, bodies2 = one.nodes.shape[1], one.nodes.shape[1] + 1 + two.nodes.shape[1]
     for i in range(3):
         for k in range(one.nodes.shape[1]):
-            out[k, i] = -one.weights[m, k] * force[i]
-        out[bodies1, i] = first[i]
+            out[m, k, i] = -one.weights[m, k] * force[i]
+        out[m, bodies1, i] = first[i]
         for k in range(two.nodes.shape[1]):
-            out[bodies1 + 1 + k, i] = two.weights[m, k] * force[i]
-        out[bodies2, i] = second[i]
+            out[m, bodies1 + 1 + k, i] = two.weights[m, k] * force[i]
+        out[m, bodies2, i] = second[i]
 
 
 @compiled
 def connector_forces(
+    first: int,
+    last: int,
     x: FloatArray,
     v: FloatArray,
     turn: FloatArray,
@@ -59,19 +64,18 @@ def connector_forces(
     two: Ends,
     stiffness: Stiffness,
     viscosity: float,
-) -> FloatArray:
-    """Return the forces and moments on both ends' nodes and bodies, shape (m, w1 + 1 + w2 + 1, 3)."""
-    out = np.empty((len(one.body), one.nodes.shape[1] + two.nodes.shape[1] + 2, 3))
-    for m in range(len(one.body)):
+    out: FloatArray,
+) -> None:
+    """Fill in the forces and moments on both ends' nodes and bodies, shape (m, w1 + 1 + w2 + 1, 3)."""
+    for m in range(first, last):
         s = shape_of(x, turn, one, two, m)
         force, moment = resultants(v, spin, one, two, stiffness, viscosity, m, s)
         n = turned(s.middle, force)
         h = across(n, s.d)
         twist = minus(times(0.5 * s.tau, across(h, s.p)), turned(s.middle, swollen(s, moment)))
-        first = minus(plus(times(0.5, h), twist), across(s.arm1, n))
-        second = plus(minus(times(0.5, h), twist), across(s.arm2, n))
-        _spread(out[m], m, one, two, (n, first, second))
-    return out
+        moment1 = minus(plus(times(0.5, h), twist), across(s.arm1, n))
+        moment2 = plus(minus(times(0.5, h), twist), across(s.arm2, n))
+        _spread(out, m, one, two, (n, moment1, moment2))
 
 
 class _Present(NamedTuple):
@@ -111,6 +115,8 @@ def _response(
 
 @compiled
 def connector_tangent(
+    first: int,
+    last: int,
     x: FloatArray,
     turn: FloatArray,
     one: Ends,
@@ -122,15 +128,15 @@ def connector_tangent(
     stressed_v: FloatArray,
     stressed_turn: FloatArray,
     stressed_spin: FloatArray,
-) -> FloatArray:
-    """Return the tangent with force and moment of another state, shape (m, r, 3, r, 3), r = w1 + w2 + 2.
+    out: FloatArray,
+) -> None:
+    """Fill in the tangent with force and moment of another state, shape (m, r, 3, r, 3), r = w1 + w2 + 2.
 
     One column after the other: the ends part along an axis, or a body turns about it.
     """
     width1, width2 = one.nodes.shape[1], two.nodes.shape[1]
-    rows, gain, still = width1 + width2 + 2, 1.0 + viscosity * rate, (0.0, 0.0, 0.0)
-    out, column = np.empty((len(one.body), rows, 3, rows, 3)), np.empty((rows, 3))
-    for m in range(len(one.body)):
+    gain, still = 1.0 + viscosity * rate, (0.0, 0.0, 0.0)
+    for m in range(first, last):
         s = shape_of(x, turn, one, two, m)
         borne = shape_of(stressed_x, stressed_turn, one, two, m)
         force, moment = resultants(stressed_v, stressed_spin, one, two, stiffness, viscosity, m, borne)
@@ -143,23 +149,30 @@ def connector_tangent(
             times(gain, row(stiffness.rotation, m)),
         )
         for j in range(3):
-            _spread(column, m, one, two, _response(s, present, unit(j), still, still))
+            parted = _response(s, present, unit(j), still, still)
             for k in range(width1):
-                _put_column(out, m, k, j, -one.weights[m, k], column)
+                _put_column(out, m, k, j, -one.weights[m, k], one, two, parted)
             for k in range(width2):
-                _put_column(out, m, width1 + 1 + k, j, two.weights[m, k], column)
-            _spread(column, m, one, two, _response(s, present, still, unit(j), still))
-            _put_column(out, m, width1, j, 1.0, column)
-            _spread(column, m, one, two, _response(s, present, still, still, unit(j)))
-            _put_column(out, m, rows - 1, j, 1.0, column)
-    return out
+                _put_column(out, m, width1 + 1 + k, j, two.weights[m, k], one, two, parted)
+            _put_column(out, m, width1, j, 1.0, one, two, _response(s, present, still, unit(j), still))
+            turning = _response(s, present, still, still, unit(j))
+            _put_column(out, m, width1 + 1 + width2, j, 1.0, one, two, turning)
 
 
 @compiled
-def _put_column(out: FloatArray, m: int, k: int, j: int, factor: float, column: FloatArray) -> None:
-    for r in range(len(column)):
-        for i in range(3):
-            out[m, r, i, k, j] = factor * column[r, i]
+def _put_column(
+    out: FloatArray, m: int, k: int, j: int, factor: float, one: Ends, two: Ends, loads: _Loads
+) -> None:
+    """Write the column of unknown ``j`` of row ``k``: ``factor`` times what these loads do, spread."""
+    force, first, second = loads
+    bodies1, bodies2 = one.nodes.shape[1], one.nodes.shape[1] + 1 + two.nodes.shape[1]
+    for i in range(3):
+        for r in range(one.nodes.shape[1]):
+            out[m, r, i, k, j] = factor * (-one.weights[m, r] * force[i])
+        out[m, bodies1, i, k, j] = factor * first[i]
+        for r in range(two.nodes.shape[1]):
+            out[m, bodies1 + 1 + r, i, k, j] = factor * (two.weights[m, r] * force[i])
+        out[m, bodies2, i, k, j] = factor * second[i]
 
 
 @compiled
@@ -170,18 +183,27 @@ def _doubled_energy(stiffness: Stiffness, m: int, stretch: Vector, bend: Vector)
 
 
 @compiled
-def connector_energy(x: FloatArray, turn: FloatArray, one: Ends, two: Ends, stiffness: Stiffness) -> float:
-    """Return the elastic energy [J]."""
-    total = 0.0
-    for m in range(len(one.body)):
+def connector_energy(
+    first: int,
+    last: int,
+    x: FloatArray,
+    turn: FloatArray,
+    one: Ends,
+    two: Ends,
+    stiffness: Stiffness,
+    out: FloatArray,
+) -> None:
+    """Fill in the elastic energies [J], shape (m,)."""
+    for m in range(first, last):
         s = shape_of(x, turn, one, two, m)
         stretch = minus(turned_back(s.middle, s.d), row(stiffness.rest, m))
-        total += 0.5 * _doubled_energy(stiffness, m, stretch, s.psi)
-    return total
+        out[m] = 0.5 * _doubled_energy(stiffness, m, stretch, s.psi)
 
 
 @compiled
 def connector_dissipation(
+    first: int,
+    last: int,
     x: FloatArray,
     v: FloatArray,
     turn: FloatArray,
@@ -190,10 +212,9 @@ def connector_dissipation(
     two: Ends,
     stiffness: Stiffness,
     viscosity: float,
-) -> float:
-    """Return the viscous power [W]."""
-    total = 0.0
-    for m in range(len(one.body)):
+    out: FloatArray,
+) -> None:
+    """Fill in the viscous powers [W], shape (m,)."""
+    for m in range(first, last):
         stretching, bending = strain_rates(v, spin, one, two, m, shape_of(x, turn, one, two, m))
-        total += viscosity * _doubled_energy(stiffness, m, stretching, bending)
-    return total
+        out[m] = viscosity * _doubled_energy(stiffness, m, stretching, bending)

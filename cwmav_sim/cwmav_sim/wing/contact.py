@@ -21,12 +21,24 @@ import numpy as np
 import scipy.sparse as sp
 
 from cwmav_common.settings import setting
-from cwmav_sim.wing.contact_loops import centres_of, gauss_seidel, least_distance, touched
-from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.arithmetic import HOST, Arithmetic
+from cwmav_sim.wing.contact_loops import (
+    FOUND,
+    GAP,
+    NORMAL,
+    SHARES,
+    TRIANGLE,
+    centres_of,
+    gauss_seidel,
+    nearest_squares,
+    touched,
+)
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.motion import Motion
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.rotation import cross
 from cwmav_sim.wing.sheet import FloatArray, IntArray
-from cwmav_sim.wing.sheet_map import ImpactMap
+from cwmav_sim.wing.sheet_map import ImpactMap, SheetMap
 
 
 @dataclass(frozen=True)
@@ -98,11 +110,18 @@ class Impacts:
         x: FloatArray,
     ) -> None:
         self.law, self.count, self.largest = law, 0, 0
-        self._system, self._sheet = system, sheet
+        self._system, self._sheet = system, sheet  # on the host
+        self._there: SheetMap = sheet
+        self._arithmetic: Arithmetic = HOST
         self._sides = _sides(triangles, panel, panel_names, x)
         edges = x[triangles] - np.roll(x[triangles], 1, axis=1)
         self._edge = float(np.max(np.linalg.norm(edges, axis=2)))
         self._distant_until, self._previous = -np.inf, -np.inf
+
+    def bring(self, arithmetic: Arithmetic, sheet: SheetMap) -> None:
+        """Look for contacts where the arrays of the structure are; impulses are found on the host."""
+        self._arithmetic, self._there = arithmetic, sheet
+        self._sides = tuple(side.brought(arithmetic) for side in self._sides)
 
     def forget(self) -> None:
         """Forget when wings can touch next, as is needed after going back in time."""
@@ -110,27 +129,33 @@ class Impacts:
 
     def find(self, x: FloatArray) -> Contacts:
         """Return all contacts of the nodes at ``x`` (n, 3) [m]."""
-        found = [_against(side, x, self.law.distance, self._edge) for side in self._sides]
+        found = [self._against(side, x) for side in self._sides]
         return Contacts(
             *(np.concatenate([getattr(f, key) for f in found]) for key in Contacts.__dataclass_fields__)
         )
 
     def resolve(self, motion: Motion) -> Motion:
         """Apply the impulses of all contacts to a motion just reached."""
-        c = motion.configuration
         step, self._previous = motion.time - self._previous, motion.time
         if not self._sides or motion.time < self._distant_until:
             return motion
-        state = self._sheet.state(c, motion.acceleration)
+        state = self._there.state(motion.configuration, motion.acceleration)
         contacts = self.find(state.x)
         if not len(contacts):
             self._distant_until = motion.time + self._free_time(state.x, state.v)
             return motion
         self.count += 1
         self.largest = max(self.largest, len(contacts))
-        impulses = self._impulses(c, state.v, contacts, step)
-        change = self._sheet.kick(c, impulses)
-        after = replace(c, v=c.v + change[: self._system.nodes], spin=c.spin + change[self._system.nodes :])
+        return self._struck(motion.moved(self._arithmetic.on_host), contacts, step).moved(
+            self._arithmetic.brought
+        )
+
+    def _struck(self, motion: Motion, contacts: Contacts, step: float) -> Motion:
+        """Apply the impulses of contacts to a motion on the host."""
+        c, nodes = motion.configuration, self._system.nodes
+        speeds = self._sheet.state(c, motion.acceleration).v
+        change = self._sheet.kick(c, self._impulses(c, speeds, contacts, step))
+        after = c._replace(v=c.v + change[:nodes], spin=c.spin + change[nodes:])
         kinetic = self._system.kinetic(after)
         lost = self._system.kinetic(c) - kinetic
         energies = replace(motion.energies, kinetic=kinetic, contact=motion.energies.contact + lost)
@@ -150,21 +175,64 @@ class Impacts:
 
     def _free_time(self, x: FloatArray, v: FloatArray) -> float:
         """Time before the wings can touch, at twice the present speeds."""
-        nearest = np.inf
-        for side in self._sides:
-            nearest = min(nearest, least_distance(x, side.nodes, centres_of(x, side.triangles)))
+        nearest = min(self._least_distance(side, x) for side in self._sides)
         room = nearest - self._edge - self.law.distance
-        fastest = float(np.sqrt(np.max(np.sum(v**2, axis=1))))
+        fastest = float(np.sqrt(np.max(np.sum(self._arithmetic.on_host(v) ** 2, axis=1))))
         return max(room, 0.0) / (4.0 * fastest + 1e-12)
+
+    def _against(self, side: _Side, x: FloatArray) -> Contacts:
+        """Contacts of one side."""
+        arithmetic, count = self._arithmetic, len(side.nodes)
+        found = arithmetic.empty(count, FOUND)
+        arithmetic.run(
+            touched,
+            count,
+            x,
+            side.nodes_there,
+            side.triangles_there,
+            self._centres(side, x),
+            side.sign,
+            self.law.distance,
+            self._edge,
+            found,
+        )
+        rows = arithmetic.on_host(found)
+        hit = rows[:, TRIANGLE] >= 0.0
+        rows = rows[hit]
+        corners = side.triangles[rows[:, TRIANGLE].astype(np.int64)]
+        return Contacts(side.nodes[hit], corners, rows[:, SHARES], rows[:, NORMAL], rows[:, GAP])
+
+    def _least_distance(self, side: _Side, x: FloatArray) -> float:
+        """Least distance of the nodes of one side from the centres of the triangles [m]."""
+        squares = self._arithmetic.empty(len(side.nodes))
+        self._arithmetic.run(
+            nearest_squares, len(side.nodes), x, side.nodes_there, self._centres(side, x), squares
+        )
+        return float(np.sqrt(self._arithmetic.on_host(squares).min()))
+
+    def _centres(self, side: _Side, x: FloatArray) -> FloatArray:
+        out = self._arithmetic.empty(len(side.triangles), 3)
+        self._arithmetic.run(centres_of, len(side.triangles), x, side.triangles_there, out)
+        return out
 
 
 @dataclass(frozen=True)
 class _Side:
-    """Nodes of one wing against the triangles of the other; ``sign`` turns normals towards the nodes."""
+    """Nodes of one wing against the triangles of the other; ``sign`` turns normals towards the nodes.
+
+    ``nodes_there`` and ``triangles_there`` are the same numbers where the loops run.
+    """
 
     nodes: IntArray
     triangles: IntArray
     sign: float
+    nodes_there: IntArray
+    triangles_there: IntArray
+
+    def brought(self, arithmetic: Arithmetic) -> _Side:
+        """Return the same side with its numbers in the place of an arithmetic."""
+        nodes, triangles = (arithmetic.brought(v) for v in (self.nodes, self.triangles))
+        return replace(self, nodes_there=nodes, triangles_there=triangles)
 
 
 def _sides(triangles: IntArray, panel: IntArray, names: tuple[str, ...], x: FloatArray) -> tuple[_Side, ...]:
@@ -178,7 +246,8 @@ def _sides(triangles: IntArray, panel: IntArray, names: tuple[str, ...], x: Floa
                 opposite = triangles[panel == other]
                 normal = np.sum(_normals(x, opposite), axis=0)
                 offset = x[nodes].mean(axis=0) - x[np.unique(opposite)].mean(axis=0)
-                sides.append(_Side(nodes, opposite, float(np.sign(normal @ offset))))
+                sign = float(np.sign(normal @ offset))
+                sides.append(_Side(nodes, opposite, sign, nodes, opposite))
     return tuple(sides)
 
 
@@ -186,13 +255,6 @@ def _normals(x: FloatArray, triangles: IntArray) -> FloatArray:
     a, b, c = (x[triangles[:, k]] for k in range(3))
     normal = cross(b - a, c - a)
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-
-
-def _against(side: _Side, x: FloatArray, distance: float, edge: float) -> Contacts:
-    """Contacts of one side."""
-    triangle, shares, normal, gap = touched(x, side.nodes, side.triangles, side.sign, distance, edge)
-    hit = triangle >= 0
-    return Contacts(side.nodes[hit], side.triangles[triangle[hit]], shares[hit], normal[hit], gap[hit])
 
 
 def _relative(contacts: Contacts, axes: FloatArray, count: int) -> sp.csr_matrix:

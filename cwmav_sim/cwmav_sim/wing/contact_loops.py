@@ -15,33 +15,47 @@ from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 _OUTSIDE = -1e-9  # least barycentric share of a foot that counts as on its triangle
 
+# Columns of what a node touches: number of the triangle (-1 for none), barycentric shares of the touched
+# point, unit normal, distance from the plane, negative when passed through [m].
+TRIANGLE, SHARES, NORMAL, GAP = 0, slice(1, 4), slice(4, 7), 7
+FOUND = 8
+
 
 @compiled
-def centres_of(x: FloatArray, triangles: IntArray) -> FloatArray:
-    """Return the centres of triangles (m, 3) [m]."""
-    out = np.empty((len(triangles), 3))
-    for m in range(len(triangles)):
+def centres_of(first: int, last: int, x: FloatArray, triangles: IntArray, out: FloatArray) -> None:
+    """Fill in the centres of triangles (m, 3) [m]."""
+    for m in range(first, last):
         a, b, c = row(x, triangles[m, 0]), row(x, triangles[m, 1]), row(x, triangles[m, 2])
         put(out, m, times(1.0 / 3.0, plus(plus(a, b), c)))
-    return out
 
 
 @compiled
-def least_distance(x: FloatArray, nodes: IntArray, centres: FloatArray) -> float:
-    """Return the least distance of nodes from centres [m]."""
-    least = math.inf
-    for i in nodes:
+def nearest_squares(
+    first: int, last: int, x: FloatArray, nodes: IntArray, centres: FloatArray, out: FloatArray
+) -> None:
+    """Fill in the squared distance of every node from the nearest centre [m2], shape (p,)."""
+    for p in range(first, last):
+        place, least = row(x, nodes[p]), math.inf
         for m in range(len(centres)):
-            apart = minus(row(x, i), row(centres, m))
+            apart = minus(place, row(centres, m))
             least = min(least, dot(apart, apart))
-    return math.sqrt(least)
+        out[p] = least
 
 
 @compiled
 def touched(
-    x: FloatArray, nodes: IntArray, triangles: IntArray, sign: float, distance: float, reach: float
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Return what every node touches: of the triangles whose prism holds it, the nearest.
+    first: int,
+    last: int,
+    x: FloatArray,
+    nodes: IntArray,
+    triangles: IntArray,
+    centres: FloatArray,
+    sign: float,
+    distance: float,
+    reach: float,
+    found: FloatArray,
+) -> None:
+    """Fill in what every node touches: of the triangles whose prism holds it, the nearest.
 
     Parameters
     ----------
@@ -49,25 +63,18 @@ def touched(
         Places [m].
     nodes, triangles : ndarray, shapes (p,) and (m, 3)
         Nodes of one wing, triangles of the other.
+    centres : ndarray, shape (m, 3)
+        Centres of the triangles [m].
     sign : float
         Turns the triangles' normals towards the nodes.
     distance, reach : float
         Distances from a triangle's plane and from its centre up to which a node counts [m].
-
-    Returns
-    -------
-    triangle : ndarray, shape (p,)
-        Number of the triangle, -1 for none.
-    shares, normal : ndarray, shape (p, 3)
-        Barycentric shares of the touched point, unit normal.
-    gap : ndarray, shape (p,)
-        Distance from the plane, negative when passed through [m].
+    found : ndarray, shape (p, 8)
+        Receives what is touched.
     """
-    centres = centres_of(x, triangles)
-    triangle = np.full(len(nodes), -1, np.int64)
-    shares, normals, gaps = np.empty((len(nodes), 3)), np.empty((len(nodes), 3)), np.empty(len(nodes))
-    for p in range(len(nodes)):
+    for p in range(first, last):
         place = row(x, nodes[p])
+        found[p, 0] = -1.0
         for m in range(len(triangles)):
             apart = minus(place, row(centres, m))
             if dot(apart, apart) > reach * reach:
@@ -76,15 +83,14 @@ def touched(
             area = across(minus(b, a), minus(c, a))
             normal = times(sign / math.sqrt(dot(area, area)), area)
             gap = dot(normal, minus(place, a))
-            if gap >= distance or (triangle[p] >= 0 and abs(gap) >= abs(gaps[p])):
+            if gap >= distance or (found[p, 0] >= 0.0 and abs(gap) >= abs(found[p, 7])):
                 continue
             foot = minus(place, times(gap, normal))
             share = _share(foot, b, c, area), _share(foot, c, a, area), _share(foot, a, b, area)
             if min(share) > _OUTSIDE:
-                triangle[p], gaps[p] = m, gap
-                put(shares, p, share)
-                put(normals, p, normal)
-    return triangle, shares, normals, gaps
+                found[p, 0], found[p, 7] = m, gap
+                for k in range(3):
+                    found[p, 1 + k], found[p, 4 + k] = share[k], normal[k]
 
 
 @compiled

@@ -57,52 +57,66 @@ def _inside(graph: sp.csr_matrix, vectors: IntArray, chosen: NDArray[np.bool_]) 
     return _pieces(graph[kept][:, kept], vectors[kept])
 
 
-@compiled
 def _cut(starts: IntArray, beside: IntArray) -> IntArray:
-    """Return the side of every vector, -1 or 1, and 0 for those that separate them; all 0 without a cut.
-
-    The separator has the fewest vectors, and of several such the most even sides.
-    """
-    count = len(starts) - 1
-    hops = _hops_from_ends(starts, beside)
-    side, best = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    least = count * count
-    for first in range(len(hops)):
-        for second in range(len(hops)):
-            lead = hops[first] - hops[second]
-            for limit in range(lead.min(), lead.max()):
-                if not _LEAST * count <= np.sum(lead > limit) <= _MOST * count:
-                    continue
-                _divide(starts, beside, lead, limit, side)
-                one, other = int(np.sum(side < 0)), int(np.sum(side > 0))
-                cost = count * (count - one - other) + abs(one - other)
-                if 0 < one <= _MOST * count and cost < least:
-                    least = cost
-                    best[:] = side
+    """Return the side of every vector, -1 or 1, and 0 for those that separate them; all 0 without a cut."""
+    side, best = (np.zeros(len(starts) - 1, np.int64) for _ in range(2))
+    _find_cut(starts, beside, _hops_from_ends(starts, beside), side, best)
     return best
 
 
 @compiled
-def _divide(starts: IntArray, beside: IntArray, lead: IntArray, limit: int, side: IntArray) -> None:
-    """Put vectors that lead by more than the limit on side 1; those of the others beside them separate."""
-    for i in range(len(lead)):
-        side[i] = 1 if lead[i] > limit else -1
-        if side[i] < 0:
-            for q in range(starts[i], starts[i + 1]):
-                if lead[beside[q]] > limit:
-                    side[i] = 0
-                    break
+def _find_cut(starts: IntArray, beside: IntArray, hops: IntArray, side: IntArray, best: IntArray) -> None:
+    """Find the best cut: the fewest vectors that separate, and of several such the most even sides."""
+    count = len(side)
+    least = count * count
+    for first in range(len(hops)):
+        for second in range(len(hops)):
+            low, high = 0, 0
+            for i in range(count):
+                lead = hops[first, i] - hops[second, i]
+                low, high = min(low, lead), max(high, lead)
+            for limit in range(low, high):
+                one, other, between = _divide(starts, beside, hops, first, second, limit, side)
+                cost = count * between + abs(one - other)
+                fair = _LEAST * count <= other <= _MOST * count and 0 < one <= _MOST * count
+                if fair and cost < least:
+                    least = cost
+                    for i in range(count):
+                        best[i] = side[i]
 
 
 @compiled
+def _divide(
+    starts: IntArray, beside: IntArray, hops: IntArray, first: int, second: int, limit: int, side: IntArray
+) -> tuple[int, int, int]:
+    """Put vectors that lead by more than the limit on side 1; those of the others beside them separate.
+
+    Returns how many lie on side -1, on side 1 and between.
+    """
+    one, other, between = 0, 0, 0
+    for i in range(len(side)):
+        if hops[first, i] - hops[second, i] > limit:
+            side[i] = 1
+            other += 1
+            continue
+        side[i] = -1
+        for q in range(starts[i], starts[i + 1]):
+            if hops[first, beside[q]] - hops[second, beside[q]] > limit:
+                side[i] = 0
+                break
+        if side[i] < 0:
+            one += 1
+        else:
+            between += 1
+    return one, other, between
+
+
 def _hops_from_ends(starts: IntArray, beside: IntArray) -> IntArray:
     """Return how many hops every vector is from each of some vectors far from each other, (ends, n)."""
     count = len(starts) - 1
     hops = np.empty((_ENDS, count), np.int64)
     _count_hops(starts, beside, 0, hops[0])
-    nearest = hops[0].copy()
-    end = int(np.argmax(nearest))
-    nearest[:] = count
+    end, nearest = int(np.argmax(hops[0])), np.full(count, count)
     for number in range(_ENDS):
         _count_hops(starts, beside, end, hops[number])
         nearest = np.minimum(nearest, hops[number])
@@ -114,7 +128,8 @@ def _hops_from_ends(starts: IntArray, beside: IntArray) -> IntArray:
 def _count_hops(starts: IntArray, beside: IntArray, end: int, hops: IntArray) -> None:
     """Fill in the number of hops from one vector to every vector of a connected graph."""
     queue = np.empty(len(hops), np.int64)
-    hops[:] = -1
+    for i in range(len(hops)):
+        hops[i] = -1
     queue[0], hops[end], known = end, 0, 1
     for at in range(len(hops)):
         i = queue[at]

@@ -14,144 +14,57 @@ damping acts on the motion relative to the driven root, so that it never brakes 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from copy import copy
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from cwmav_sim.wing.block_lu import Factors
+from cwmav_sim.wing.arithmetic import HOST, Arithmetic, Solvable, brought_tuple
+from cwmav_sim.wing.drive import Carrier, Drive
 from cwmav_sim.wing.motion_loops import (
-    add_forces,
-    drag_forces,
     drag_powers,
+    given_rates,
+    inertia_tangent,
     inertial_forces,
-    kinetic_energy,
+    kinetic_energies,
+    unbalanced,
 )
-from cwmav_sim.wing.rotation import turn, turn_back
+from cwmav_sim.wing.parts import Configuration, Element, Inertia, Portable
 from cwmav_sim.wing.sheet import FloatArray, IntArray
-from cwmav_sim.wing.sparsity import Pattern
+from cwmav_sim.wing.sparsity import Gathering, Pattern, add_all, gathering
 
 if TYPE_CHECKING:
+    from cwmav_sim.wing.block_lu import Factors
     from cwmav_sim.wing.carried import CarriedAir
 
 _ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
 
 
-@dataclass(frozen=True)
-class Configuration:
-    """Where everything is and how fast it moves.
+class Places(NamedTuple):
+    """Numbers of rows, where the loops over them run.
 
     Attributes
     ----------
-    x, v : ndarray, shape (n, 3)
-        Positions [m] and velocities [m/s].
-    turn, spin : ndarray, shapes (k, 3, 3) and (k, 3)
-        Rotation from each body's material axes to space, and angular velocity in space [rad/s].
+    every : ndarray, shape (n + k,)
+        All rows.
+    free, held : ndarray, shape (f,) and (h,)
+        Rows that move freely, and driven ones: first nodes, then bodies.
+    nodes, bodies : ndarray
+        Numbers of driven nodes and bodies.
+    group : ndarray, shape (n + k,)
+        Carrier frame of every row.
+    driven : ndarray, shape (n + k,)
+        One for driven rows, zero for free ones.
     """
 
-    x: FloatArray
-    v: FloatArray
-    turn: FloatArray
-    spin: FloatArray
-
-    @property
-    def rates(self) -> FloatArray:
-        """Velocities and spins stacked, shape (n + k, 3)."""
-        return np.concatenate([self.v, self.spin])
-
-
-class Element(Protocol):
-    """A family of like elements; ``dofs`` are scalar numbers ``3 row + axis`` of shape (m, d)."""
-
-    @property
-    def dofs(self) -> IntArray:
-        """Scalar unknowns of each element."""
-        ...
-
-    def forces(self, c: Configuration) -> FloatArray:
-        """Return the resisting forces and moments, elastic and viscous, shape (m, d)."""
-        ...
-
-    def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
-        """Return d(forces)/dq + rate d(forces)/dv at ``c``, with the stresses of ``stressed``, (m, d, d)."""
-        ...
-
-    def energy(self, c: Configuration) -> float:
-        """Return the stored elastic energy [J]."""
-        ...
-
-    def dissipation(self, c: Configuration) -> float:
-        """Return the power lost to viscosity [W]."""
-        ...
-
-
-@dataclass(frozen=True)
-class Driven:
-    """Prescribed motion of the driven nodes and bodies at one instant."""
-
-    x: FloatArray
-    v: FloatArray
-    a: FloatArray
-    turn: FloatArray
-    spin: FloatArray
-    spin_rate: FloatArray
-
-
-@dataclass(frozen=True)
-class Carrier:
-    """Frames that carry the wings: orientation (g, 3, 3) and angular velocity (g, 3) about the origin."""
-
-    axes: FloatArray
-    spin: FloatArray
-
-
-class Drive(Protocol):
-    """What holds a structure: numbers of driven nodes and bodies, the law of their motion, the carrier.
-
-    ``group`` (n + k,) names the carrier frame that each row of the vector field travels with.
-    """
-
+    every: IntArray
+    free: IntArray
+    held: IntArray
     nodes: IntArray
     bodies: IntArray
     group: IntArray
-
-    def at(self, t: float) -> Driven:
-        """Return the prescribed motion at ``t`` [s]."""
-        ...
-
-    def carrier(self, t: float) -> Carrier:
-        """Return the carrier frames at ``t`` [s]."""
-        ...
-
-
-class StillRoot:
-    """A drive that holds nodes and bodies where they are."""
-
-    def __init__(self, x: FloatArray, turn_: FloatArray, nodes: IntArray, bodies: IntArray) -> None:
-        self.nodes = np.asarray(nodes, dtype=np.int64)
-        self.bodies = np.asarray(bodies, dtype=np.int64)
-        self.group = np.zeros(len(x) + len(turn_), dtype=np.int64)
-        still = np.zeros((len(self.nodes), 3))
-        steady = np.zeros((len(self.bodies), 3))
-        self._driven = Driven(x[self.nodes], still, still, turn_[self.bodies], steady, steady)
-        self._carrier = Carrier(np.eye(3)[None], np.zeros((1, 3)))
-
-    def at(self, t: float) -> Driven:
-        """Return the same rest at every time."""
-        return self._driven
-
-    def carrier(self, t: float) -> Carrier:
-        """Return one frame at rest."""
-        return self._carrier
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """Mass of each node (n,) [kg] and principal rotary inertia of each body (k, 3) [kg m2]."""
-
-    mass: FloatArray
-    rotary: FloatArray
+    driven: IntArray
 
 
 Load = Callable[[Configuration], FloatArray]
@@ -183,51 +96,135 @@ class System:
         mass_damping: float = 0.0,
         carried: CarriedAir | None = None,
     ) -> None:
+        self.arithmetic: Arithmetic = HOST
         self.inertia, self.drive, self.carried = inertia, drive, carried
-        self.elements = (*elements, carried) if carried is not None else tuple(elements)
+        self.elements: tuple[Element, ...] = tuple(elements)
         self.mass_damping = mass_damping
         self.nodes, self.bodies = len(inertia.mass), len(inertia.rotary)
         self.rows = self.nodes + self.bodies
-        held = np.zeros(self.rows, dtype=bool)
-        held[drive.nodes] = True
-        held[self.nodes + drive.bodies] = True
         self.held_rows = np.concatenate([drive.nodes, self.nodes + drive.bodies]).astype(np.int64)
-        self.free_rows = np.flatnonzero(~held)
-        families = [element.dofs for element in self.elements]
-        scalars = np.arange(3 * self.rows, dtype=np.int64)
-        families += [scalars[: 3 * self.nodes, None], scalars[3 * self.nodes :].reshape(-1, 3)]
-        self._pattern = Pattern(families, self.rows, self.free_rows)
+        driven = np.zeros(self.rows, np.int64)
+        driven[self.held_rows] = 1
+        self.free_rows = np.flatnonzero(driven == 0)
+        self.places = Places(
+            np.arange(self.rows),
+            self.free_rows,
+            self.held_rows,
+            drive.nodes,
+            drive.bodies,
+            np.asarray(drive.group),
+            driven,
+        )
+        scalars = np.arange(3 * self.rows, dtype=np.int64).reshape(-1, 3)
+        families = [element.dofs for element in self._with_tangent]
+        self._forces = [gathering(e.dofs.ravel(), 3 * self.rows) for e in self.elements]
+        self._pattern = Pattern([*families, scalars], self.rows, self.free_rows)
+        self._tangents: list[Gathering] = self._pattern.gatherings
+
+    @property
+    def _with_tangent(self) -> tuple[Element, ...]:
+        return self.elements if self.carried is None else (*self.elements, self.carried)
+
+    def brought(self, arithmetic: Arithmetic) -> System:
+        """Return the same system with its arrays in the place of an arithmetic.
+
+        Raises
+        ------
+        TypeError
+            One of its elements knows only the host.
+        """
+        for element in self.elements:
+            if not isinstance(element, Portable):
+                raise TypeError(f"elements of type {type(element).__name__} are computed on the host only")
+        other = copy(self)
+        other.arithmetic = arithmetic
+        other.inertia = Inertia(
+            arithmetic.brought(self.inertia.mass), arithmetic.brought(self.inertia.rotary)
+        )
+        other.elements = tuple(e.brought(arithmetic) for e in self.elements if isinstance(e, Portable))
+        other.carried = None if self.carried is None else self.carried.brought(arithmetic)
+        other.places = brought_tuple(arithmetic, self.places)
+        other._forces = [brought_tuple(arithmetic, g) for g in self._forces]
+        other._tangents = [brought_tuple(arithmetic, g) for g in self._tangents]
+        return other
+
+    def room(self) -> Configuration:
+        """Return room for a configuration."""
+        empty, n, k = self.arithmetic.empty, self.nodes, self.bodies
+        return Configuration(empty(n, 3), empty(n, 3), empty(k, 3, 3), empty(k, 3))
 
     def internal(self, c: Configuration) -> FloatArray:
         """Return the resisting forces of all elements, shape (n + k, 3)."""
-        total = np.zeros(3 * self.rows)
-        for element in self.elements:
-            add_forces(total, element.dofs, element.forces(c))
-        return total.reshape(-1, 3)
+        total = self.arithmetic.zeros(self.rows, 3)
+        forces = [element.forces(c) for element in self.elements]
+        add_all(self.arithmetic, self._forces, forces, self.arithmetic.flat(total))
+        return total
 
-    def drag(self, c: Configuration, carrier: Carrier) -> FloatArray:
-        """Return the mass-proportional damping force on the motion relative to the carrier."""
-        return drag_forces(self.mass_damping, self.inertia.mass, c.x, c.v, carrier.spin, self.drive.group)
+    def unbalanced(
+        self,
+        rows: IntArray,
+        c: Configuration,
+        carrier: Carrier,
+        inertial: FloatArray,
+        internal: FloatArray,
+        force: FloatArray,
+    ) -> FloatArray:
+        """Return inertial, internal and drag forces less external ones of some ``rows``, shape (f, 3)."""
+        out = self.arithmetic.empty(len(rows), 3)
+        mass, group = self.inertia.mass, self.places.group
+        spin = self.arithmetic.brought(carrier.spin)
+        self.arithmetic.run(
+            unbalanced,
+            len(rows),
+            rows,
+            inertial,
+            internal,
+            force,
+            self.mass_damping,
+            mass,
+            c,
+            spin,
+            group,
+            out,
+        )
+        return out
 
     def drag_power(self, c: Configuration, carrier: Carrier) -> tuple[float, float]:
-        """Return the power the drag loses and the power it gives to the carrier [W]."""
-        return drag_powers(self.mass_damping, self.inertia.mass, c.x, c.v, carrier.spin, self.drive.group)
+        """Return the power the mass-proportional drag loses and the power it gives to the carrier [W]."""
+        arithmetic, n = self.arithmetic, self.nodes
+        lost, given = arithmetic.empty(n), arithmetic.empty(n)
+        spin = arithmetic.brought(carrier.spin)
+        arithmetic.run(
+            drag_powers,
+            n,
+            self.mass_damping,
+            self.inertia.mass,
+            c,
+            spin,
+            self.places.group,
+            lost,
+            given,
+        )
+        return arithmetic.total(lost), arithmetic.total(given)
 
     def inertial(self, c: Configuration, acceleration: FloatArray) -> FloatArray:
         """Return the rate of change of momentum and angular momentum, shape (n + k, 3)."""
-        return inertial_forces(self.inertia.mass, self.inertia.rotary, c.turn, c.spin, acceleration)
+        return self._by_row(inertial_forces, c, acceleration)
 
     def solve_inertia(self, c: Configuration, force: FloatArray) -> FloatArray:
         """Return the acceleration that ``force`` gives, gyroscopic moments apart, shape (n + k, 3)."""
-        out = np.empty((self.rows, 3))
-        out[: self.nodes] = force[: self.nodes] / self.inertia.mass[:, None]
-        if self.bodies:
-            out[self.nodes :] = turn(c.turn, turn_back(c.turn, force[self.nodes :]) / self.inertia.rotary)
+        return self._by_row(given_rates, c, force)
+
+    def _by_row(self, loop: Callable[..., None], c: Configuration, field: FloatArray) -> FloatArray:
+        out = self.arithmetic.empty(self.rows, 3)
+        self.arithmetic.run(loop, self.rows, self.inertia.mass, self.inertia.rotary, c, field, out)
         return out
 
     def kinetic(self, c: Configuration) -> float:
         """Return the kinetic energy [J]."""
-        return kinetic_energy(self.inertia.mass, self.inertia.rotary, c.v, c.turn, c.spin)
+        out = self.arithmetic.empty(self.rows)
+        self.arithmetic.run(kinetic_energies, self.rows, self.inertia.mass, self.inertia.rotary, c, out)
+        return self.arithmetic.total(out)
 
     def elastic(self, c: Configuration) -> float:
         """Return the elastic energy [J]."""
@@ -245,7 +242,7 @@ class System:
         mass_factor: float,
         stressed: Configuration | None = None,
     ) -> sp.csc_matrix:
-        """Return the free part of ``dF/dq + rate dF/dv + mass_factor M``.
+        """Return the free part of ``dF/dq + rate dF/dv + mass_factor M``, on the host.
 
         The geometric stiffness uses the stresses of ``stressed``, by default those of ``c``. Within a
         step those of its start are much the better: a Newton iterate of a thin rod or film that bends by a
@@ -254,24 +251,54 @@ class System:
         Rows and columns follow ``free_rows``, three per row. The gyroscopic moment is left out: it is of
         higher order in the time step, and only the speed of convergence depends on this matrix.
         """
-        values = [element.tangent(c, rate, stressed or c) for element in self.elements]
-        factor = mass_factor + rate * self.mass_damping
-        values.append(np.repeat(factor * self.inertia.mass, 3))
-        rotary = np.einsum("kij,kj,klj->kil", c.turn, mass_factor * self.inertia.rotary, c.turn)
-        values.append(rotary)
-        return self._pattern.assemble(values)
+        return self._pattern.matrix(
+            self.arithmetic.on_host(self._stored(c, rate, mass_factor, stressed or c))
+        )
 
-    def factorised(self, matrix: sp.csc_matrix) -> Factors:
-        """Factorise what :meth:`matrix` returns.
+    def _stored(
+        self, c: Configuration, rate: float, mass_factor: float, stressed: Configuration
+    ) -> FloatArray:
+        """Return the stored entries of :meth:`matrix`."""
+        arithmetic = self.arithmetic
+        values = [element.tangent(c, rate, stressed) for element in self._with_tangent]
+        inertia = arithmetic.empty(self.rows, 3, 3)
+        arithmetic.run(
+            inertia_tangent,
+            self.rows,
+            mass_factor + rate * self.mass_damping,
+            mass_factor,
+            self.inertia.mass,
+            self.inertia.rotary,
+            c.turn,
+            inertia,
+        )
+        stored = arithmetic.zeros(self._pattern.entries)
+        add_all(arithmetic, self._tangents, [*values, inertia], stored)
+        return stored
+
+    def factors(
+        self, c: Configuration, *, rate: float, mass_factor: float, stressed: Configuration
+    ) -> Solvable:
+        """Factorise what :meth:`matrix` returns; only the newest factors of a system are kept.
 
         Raises
         ------
         RuntimeError
             The matrix is singular.
         """
-        return self._pattern.lu.factorised(matrix)
+        return self.arithmetic.factors(self._pattern.lu, self._stored(c, rate, mass_factor, stressed))
+
+    def factorised(self, matrix: sp.csc_matrix) -> Factors:
+        """Factorise what :meth:`matrix` returns, on the host.
+
+        Raises
+        ------
+        RuntimeError
+            The matrix is singular.
+        """
+        return self._pattern.lu.factorised(matrix.data)
 
     def rounding(self, c: Configuration) -> float:
         """Return the unbalanced force [N] that rounding alone can leave: stiffness times coordinates."""
         stiffest = float(np.max(np.abs(self.matrix(c, rate=0.0, mass_factor=0.0).diagonal()), initial=0.0))
-        return _ROUNDING * stiffest * float(np.max(np.abs(c.x)))
+        return _ROUNDING * stiffest * self.arithmetic.largest(c.x)[0]

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sheet nodes on their facets one by one: motion, load and carried inertia.
+"""Sheet nodes on their facets: motion node by node, load and carried inertia body by body.
 
-What :mod:`cwmav_sim.wing.facets` describes, pair by pair of a node and a body that carries it.
+What :mod:`cwmav_sim.wing.facets` describes. Loops run as :mod:`cwmav_sim.wing.arithmetic` says.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cwmav_sim.wing.algebra import across, compiled, matrix, plus, put_sum, row, times, turned
+from cwmav_sim.wing.algebra import across, compiled, matrix, plus, put, row, times, turned
 from cwmav_sim.wing.sheet import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from cwmav_sim.wing.parts import Configuration
 
 
 class Carriers(NamedTuple):
@@ -25,61 +29,89 @@ class Carriers(NamedTuple):
         Place of the node in the body's material axes [m].
     share : ndarray, shape (q,)
         Share of the body in the node's motion.
+    node_starts, node_pairs : ndarray, shape (n + 1,) and (q,)
+        First of the pairs of every node, and the pairs node by node.
+    body_starts, body_pairs : ndarray, shape (k + 1,) and (q,)
+        The same of every body.
     """
 
     nodes: IntArray
     bodies: IntArray
     arm: FloatArray
     share: FloatArray
+    node_starts: NDArray[np.int32]
+    node_pairs: NDArray[np.int32]
+    body_starts: NDArray[np.int32]
+    body_pairs: NDArray[np.int32]
 
 
 @compiled
 def carried_motion(
+    first: int,
+    last: int,
     carriers: Carriers,
-    count: int,
-    x: FloatArray,
-    v: FloatArray,
-    turn: FloatArray,
-    spin: FloatArray,
+    c: Configuration,
     acceleration: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return place, velocity and acceleration of ``count`` sheet nodes, shape (count, 3) each."""
-    places, speeds, rates = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-    for q in range(len(carriers.nodes)):
-        b, node, share = carriers.bodies[q], carriers.nodes[q], carriers.share[q]
-        arm, w = turned(matrix(turn, b), row(carriers.arm, q)), row(spin, b)
-        rim = across(w, arm)
-        put_sum(places, node, times(share, plus(row(x, b), arm)))
-        put_sum(speeds, node, times(share, plus(row(v, b), rim)))
-        swing = plus(across(row(acceleration, len(x) + b), arm), across(w, rim))
-        put_sum(rates, node, times(share, plus(row(acceleration, b), swing)))
-    return places, speeds, rates
+    places: FloatArray,
+    speeds: FloatArray,
+    rates: FloatArray,
+) -> None:
+    """Fill in place, velocity and acceleration of the sheet nodes, shape (n, 3) each."""
+    bodies = len(c.x)
+    for node in range(first, last):
+        x = v = a = (0.0, 0.0, 0.0)
+        for p in range(carriers.node_starts[node], carriers.node_starts[node + 1]):
+            q = carriers.node_pairs[p]
+            b, share = carriers.bodies[q], carriers.share[q]
+            arm, w = turned(matrix(c.turn, b), row(carriers.arm, q)), row(c.spin, b)
+            rim = across(w, arm)
+            x = plus(x, times(share, plus(row(c.x, b), arm)))
+            v = plus(v, times(share, plus(row(c.v, b), rim)))
+            swing = plus(across(row(acceleration, bodies + b), arm), across(w, rim))
+            a = plus(a, times(share, plus(row(acceleration, b), swing)))
+        put(places, node, x)
+        put(speeds, node, v)
+        put(rates, node, a)
 
 
 @compiled
-def carried_load(carriers: Carriers, turn: FloatArray, forces: FloatArray, bodies: int) -> FloatArray:
-    """Return forces, then moments, on the bodies from forces on the sheet nodes, shape (2 bodies, 3)."""
-    out = np.zeros((2 * bodies, 3))
-    for q in range(len(carriers.nodes)):
-        b = carriers.bodies[q]
-        force = times(carriers.share[q], row(forces, carriers.nodes[q]))
-        put_sum(out, b, force)
-        put_sum(out, bodies + b, across(turned(matrix(turn, b), row(carriers.arm, q)), force))
-    return out
+def carried_load(
+    first: int, last: int, carriers: Carriers, turn: FloatArray, forces: FloatArray, out: FloatArray
+) -> None:
+    """Fill in forces, then moments, on the bodies from forces on the sheet nodes, shape (2 bodies, 3)."""
+    for b in range(first, last):
+        force = moment = (0.0, 0.0, 0.0)
+        for p in range(carriers.body_starts[b], carriers.body_starts[b + 1]):
+            q = carriers.body_pairs[p]
+            part = times(carriers.share[q], row(forces, carriers.nodes[q]))
+            force = plus(force, part)
+            moment = plus(moment, across(turned(matrix(turn, b), row(carriers.arm, q)), part))
+        put(out, b, force)
+        put(out, len(turn) + b, moment)
 
 
 @compiled
-def carried_inertia(carriers: Carriers, turn: FloatArray, mass: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return the inertia along their normals that masses on the sheet nodes give each body, (k, 6, 6)."""
-    out, along = np.zeros((len(turn), 6, 6)), np.empty(6)
-    for q in range(len(carriers.nodes)):
-        b, node = carriers.bodies[q], carriers.nodes[q]
-        n = row(normal, node)
-        moment = across(turned(matrix(turn, b), row(carriers.arm, q)), n)
-        for i in range(3):
-            along[i], along[3 + i] = n[i], moment[i]
-        weight = carriers.share[q] * mass[node]
+def carried_inertia(
+    first: int,
+    last: int,
+    carriers: Carriers,
+    turn: FloatArray,
+    mass: FloatArray,
+    normal: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Fill in the inertia along their normals that masses on the sheet nodes give bodies, (k, 6, 6)."""
+    for b in range(first, last):
         for i in range(6):
             for j in range(6):
-                out[b, i, j] += weight * along[i] * along[j]
-    return out
+                out[b, i, j] = 0.0
+        for p in range(carriers.body_starts[b], carriers.body_starts[b + 1]):
+            q = carriers.body_pairs[p]
+            node = carriers.nodes[q]
+            n = row(normal, node)
+            m = across(turned(matrix(turn, b), row(carriers.arm, q)), n)
+            along = n[0], n[1], n[2], m[0], m[1], m[2]
+            weight = carriers.share[q] * mass[node]
+            for i in range(6):
+                for j in range(6):
+                    out[b, i, j] += weight * along[i] * along[j]

@@ -8,16 +8,20 @@ carry there; its load is shared in the same way, so force, moment and work are c
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.arithmetic import brought_tuple
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.facet_loops import Carriers, carried_inertia, carried_load, carried_motion
 from cwmav_sim.wing.geometry import PanelMesh, WingPlanform
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.rotation import cross, skew, turn
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
+from cwmav_sim.wing.sparsity import gathering
 
 
 @dataclass(frozen=True)
@@ -97,17 +101,30 @@ class FacetSheet:
 
     def __init__(self, system: System, nodes: IntArray, bodies: IntArray, arm: FloatArray) -> None:
         self._system, self._count = system, int(nodes.max()) + 1
-        self._carriers = Carriers(nodes, bodies, arm, 1.0 / np.bincount(nodes, minlength=self._count)[nodes])
+        share = 1.0 / np.bincount(nodes, minlength=self._count)[nodes]
+        by_node, by_body = gathering(nodes, self._count), gathering(bodies, system.bodies)
+        self._carriers = Carriers(nodes, bodies, arm, share, *by_node, *by_body)
+
+    def brought(self, system: System) -> FacetSheet:
+        """Return the same sheet on the structure in another place."""
+        other = copy(self)
+        other._system = system
+        other._carriers = brought_tuple(system.arithmetic, self._carriers)
+        return other
 
     def state(self, c: Configuration, acceleration: FloatArray) -> SheetState:
         """Return the mean of what the facets carry."""
-        return SheetState(
-            *carried_motion(self._carriers, self._count, c.x, c.v, c.turn, c.spin, acceleration)
-        )
+        arithmetic = self._system.arithmetic
+        x, v, a = (arithmetic.empty(self._count, 3) for _ in range(3))
+        arithmetic.run(carried_motion, self._count, self._carriers, c, acceleration, x, v, a)
+        return SheetState(x, v, a)
 
     def load(self, c: Configuration, forces: FloatArray) -> FloatArray:
         """Return forces and moments on the bodies."""
-        return carried_load(self._carriers, c.turn, forces, self._system.nodes)
+        arithmetic, bodies = self._system.arithmetic, self._system.bodies
+        out = arithmetic.empty(2 * bodies, 3)
+        arithmetic.run(carried_load, bodies, self._carriers, c.turn, forces, out)
+        return out
 
     def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
         """Return the change of the bodies' velocities and spins."""
@@ -129,7 +146,10 @@ class FacetSheet:
 
     def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
         """Return the inertia of every body, shape (bodies, 6, 6); bodies share the nodes between them."""
-        return carried_inertia(self._carriers, c.turn, mass, normal)
+        arithmetic, bodies = self._system.arithmetic, self._system.bodies
+        out = arithmetic.empty(bodies, 6, 6)
+        arithmetic.run(carried_inertia, bodies, self._carriers, c.turn, mass, normal, out)
+        return out
 
     def _jacobian(self, c: Configuration) -> sp.csr_matrix:
         """Velocities of the sheet per rate of the bodies, shape (3 n, 3 (n + k))."""

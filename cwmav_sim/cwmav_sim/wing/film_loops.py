@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangles of film one by one: forces, tangent and energies of :mod:`cwmav_sim.wing.membrane`.
 
-Sums over the three components of Voigt order are written as dot products of vectors; ``law`` is symmetric.
+Loops run as :mod:`cwmav_sim.wing.arithmetic` says. Sums over the three components of Voigt order are written
+as dot products of vectors; ``law`` is symmetric.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
-
-import numpy as np
 
 from cwmav_sim.wing.algebra import Vector, compiled, dot, inlined, plus, put, row, times
 from cwmav_sim.wing.sheet import FloatArray, IntArray
@@ -87,31 +86,38 @@ def _pull(f: _Slope, one: float, two: float, stress: Vector) -> Vector:
 
 
 @compiled
-def film_forces(x: FloatArray, v: FloatArray, film: Triangles) -> FloatArray:
-    """Return the resisting nodal forces of every triangle [N], shape (m, 9)."""
-    out = np.empty((len(film.corners), 9))
-    for m in range(len(film.corners)):
+def film_forces(
+    first: int, last: int, x: FloatArray, v: FloatArray, film: Triangles, out: FloatArray
+) -> None:
+    """Fill in the resisting nodal forces of triangles [N], shape (m, 9)."""
+    for m in range(first, last):
         f = _slope(x, film, m)
         stress = _stressing(v, film, m, f)
         for a in range(3):
             force = _pull(f, film.gradients[m, a, 0], film.gradients[m, a, 1], stress)
             for i in range(3):
                 out[m, 3 * a + i] = force[i]
-    return out
 
 
 @compiled
 def film_tangent(
-    x: FloatArray, v: FloatArray, film: Triangles, rate: float, stressed_x: FloatArray, stressed_v: FloatArray
-) -> FloatArray:
-    """Return d(forces)/dx + rate d(forces)/dv with the stresses of another state [N/m], shape (m, 9, 9).
+    first: int,
+    last: int,
+    x: FloatArray,
+    v: FloatArray,
+    film: Triangles,
+    rate: float,
+    stressed_x: FloatArray,
+    stressed_v: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Fill in d(forces)/dx + rate d(forces)/dv with the stresses of another state [N/m], shape (m, 9, 9).
 
     One column after the other: a corner moves by one along an axis, the strain changes, and so do the pulls
     on all corners; the stresses present turn with the film.
     """
-    out = np.empty((len(film.corners), 9, 9))
     gain = 1.0 + film.viscosity * rate
-    for m in range(len(film.corners)):
+    for m in range(first, last):
         f, flow = _slope(x, film, m), _slope(v, film, m)
         present = _stressing(stressed_v, film, m, _slope(stressed_x, film, m))
         for a in range(3):
@@ -130,7 +136,6 @@ def film_tangent(
                     out[m, 3 * b + j, 3 * a + j] += own * (present[0] * one + present[2] * two) + other * (
                         present[2] * one + present[1] * two
                     )
-    return out
 
 
 @inlined
@@ -141,29 +146,25 @@ def _variation(f: _Slope, one: float, two: float, axis: int) -> Vector:
 
 
 @compiled
-def film_strain(x: FloatArray, film: Triangles) -> FloatArray:
-    """Return Green-Lagrange strains (E11, E22, 2 E12), shape (m, 3)."""
-    out = np.empty((len(film.corners), 3))
-    for m in range(len(film.corners)):
+def film_strain(first: int, last: int, x: FloatArray, film: Triangles, out: FloatArray) -> None:
+    """Fill in Green-Lagrange strains (E11, E22, 2 E12), shape (m, 3)."""
+    for m in range(first, last):
         put(out, m, _strain(_slope(x, film, m)))
-    return out
 
 
 @compiled
-def film_energy(x: FloatArray, film: Triangles) -> float:
-    """Return the strain energy [J]."""
-    total = 0.0
-    for m in range(len(film.corners)):
+def film_energy(first: int, last: int, x: FloatArray, film: Triangles, out: FloatArray) -> None:
+    """Fill in the strain energies [J], shape (m,)."""
+    for m in range(first, last):
         strain = _strain(_slope(x, film, m))
-        total += 0.5 * film.volume[m] * dot(strain, _law(film, strain))
-    return total
+        out[m] = 0.5 * film.volume[m] * dot(strain, _law(film, strain))
 
 
 @compiled
-def film_dissipation(x: FloatArray, v: FloatArray, film: Triangles) -> float:
-    """Return the viscous power [W]."""
-    total = 0.0
-    for m in range(len(film.corners)):
+def film_dissipation(
+    first: int, last: int, x: FloatArray, v: FloatArray, film: Triangles, out: FloatArray
+) -> None:
+    """Fill in the viscous powers [W], shape (m,)."""
+    for m in range(first, last):
         rate = _strain_rate(_slope(x, film, m), _slope(v, film, m))
-        total += film.viscosity * film.volume[m] * dot(rate, _law(film, rate))
-    return total
+        out[m] = film.viscosity * film.volume[m] * dot(rate, _law(film, rate))

@@ -13,12 +13,13 @@ from cwmav_common.settings import setting
 from cwmav_sim.kinematics import Kinematics
 from cwmav_sim.wing.carried import CarriedAir, node_blocks
 from cwmav_sim.wing.contact import ContactLaw
-from cwmav_sim.wing.dynamics import Inertia, System
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.film_mesh import even_mesh
 from cwmav_sim.wing.geometry import PanelMesh, WingPlanform
 from cwmav_sim.wing.hinge import Held, HingedRoot, Hinges, Panel, panels
 from cwmav_sim.wing.integrate import Integration
 from cwmav_sim.wing.membrane import Membrane, lumped_mass, plane_stress
+from cwmav_sim.wing.parts import Inertia
 from cwmav_sim.wing.prescribed import Attitude
 from cwmav_sim.wing.rods import RodPath, Spar, Stiffener, rod_elements, straight_rod
 from cwmav_sim.wing.rotation import turn

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cwmav_sim.kinematics import ClappingLaw, Kinematics
-from cwmav_sim.wing.dynamics import Carrier, Driven
+from cwmav_sim.wing.drive import Carrier, Driven
 from cwmav_sim.wing.rotation import cross, turn
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 

@@ -16,19 +16,30 @@ the stroke itself does not make it stale.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from cwmav_common.errors import WorkError
 from cwmav_common.settings import setting
 from cwmav_sim.wing.account import account
-from cwmav_sim.wing.block_lu import Factors
-from cwmav_sim.wing.dynamics import Carrier, Configuration, Driven, Load, System
+from cwmav_sim.wing.arithmetic import brought_tuple
+from cwmav_sim.wing.carried_factors import CarriedFactors
+from cwmav_sim.wing.drive import Carrier, Driven
+from cwmav_sim.wing.dynamics import Load, System
+from cwmav_sim.wing.load_loops import between
 from cwmav_sim.wing.motion import Counters, Energies, Motion
-from cwmav_sim.wing.motion_loops import displaced, further, largest, turned_rows
-from cwmav_sim.wing.rotation import logarithm, orthonormal, turn
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray
+from cwmav_sim.wing.step_loops import (
+    Averages,
+    averaged,
+    corrected,
+    held,
+    held_acceleration,
+    predicted,
+    straightened_turns,
+)
 
 
 @dataclass(frozen=True)
@@ -47,18 +58,17 @@ class Integration:
     )
 
 
-_State = tuple[Configuration, FloatArray, FloatArray]  # with true acceleration and the step's displacement
+@dataclass(frozen=True)
+class _State:
+    """End of a step while Newton looks for it; the arrays change in place."""
+
+    c: Configuration
+    acceleration: FloatArray  # true
+    moved: FloatArray  # displacements and rotation vectors since the begin
 
 
 class _NotConvergedError(Exception):
     """Newton failed within its iterations."""
-
-
-@dataclass
-class _Factor:
-    factors: Factors
-    axes: FloatArray  # carrier orientation the tangent was built in
-    step: float
 
 
 class Integrator:
@@ -92,10 +102,9 @@ class Integrator:
     ) -> None:
         self.system, self.settings, self.counters = system, settings, Counters()
         rho = settings.spectral_radius
-        self._am, self._af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-        self._gamma = 0.5 - self._am + self._af
-        self._beta = 0.25 * (1.0 - self._am + self._af) ** 2
-        self._factor: _Factor | None = None
+        am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        self._averages = Averages(am, af, 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af)
+        self._factor: CarriedFactors | None = None
         start = Configuration(
             x.copy(),
             np.zeros_like(x) if v is None else v.copy(),
@@ -105,13 +114,19 @@ class Integrator:
         self._floor = system.rounding(start)
         self.motion = self._begin(start, time, load or self._no_load)
 
+    def bring(self, system: System) -> None:
+        """Go on with the same structure in another place."""
+        before, there = self.system.arithmetic, system.arithmetic
+        self.system, self._factor = system, None
+        self.motion = self.motion.moved(lambda values: there.brought(before.on_host(values)))
+
     @property
     def share_of_begin(self) -> float:
         """Weight of the begin of a step in the forces that the method averages; the end has the rest."""
-        return self._af
+        return self._averages.af
 
-    def advance(self, time: float, load: Load | None = None) -> Motion:
-        """Go on to ``time`` [s] under ``load`` at that instant.
+    def advance(self, time: float, load: Load | None = None, *, accounted: bool = True) -> Motion:
+        """Go on to ``time`` [s] under ``load`` at that instant, with or without an account of energy.
 
         Raises
         ------
@@ -125,7 +140,7 @@ class Integrator:
         for k in range(1, count + 1):
             share = k / count
             target = time if k == count else start + share * (time - start)
-            self._divide(target, _blend(first, load, share), self.settings.halvings)
+            self._divide(target, self._blend(first, load, share), self.settings.halvings, accounted)
         return self.motion
 
     def restore(self, motion: Motion) -> None:
@@ -137,28 +152,25 @@ class Integrator:
         self.motion = motion
 
     def _no_load(self, c: Configuration) -> FloatArray:
-        return np.zeros((self.system.rows, 3))
+        return self.system.arithmetic.zeros(self.system.rows, 3)
 
     def _begin(self, c: Configuration, time: float, load: Load) -> Motion:
         s = self.system
-        driven = s.drive.at(time)
-        c = self._hold(c, driven)
-        carrier = s.drive.carrier(time)
-        force = load(c)
-        zero = np.zeros((s.rows, 3))
-        unbalanced = force - s.internal(c) - s.drag(c, carrier) - s.inertial(c, zero)
-        acceleration = s.solve_inertia(c, unbalanced)
+        driven, carrier = s.drive.at(time), s.drive.carrier(time)
+        self._hold(c, driven)
+        force, internal, zero = load(c), s.internal(c), s.arithmetic.zeros(s.rows, 3)
+        missing = s.unbalanced(s.places.every, c, carrier, s.inertial(c, zero), internal, force)
+        acceleration = s.solve_inertia(c, -missing)
         self._hold_acceleration(acceleration, driven)
-        reaction = (s.inertial(c, acceleration) + s.internal(c) + s.drag(c, carrier) - force)[s.held_rows]
+        reaction = s.unbalanced(s.places.held, c, carrier, s.inertial(c, acceleration), internal, force)
         stored = s.kinetic(c), s.elastic(c)
         energies = Energies(stored[0], stored[1], 0.0, 0.0, 0.0, 0.0, sum(stored))
         return Motion(time, c, acceleration, acceleration.copy(), force, reaction, energies)
 
-    def _divide(self, target: float, load: Load, halvings: int) -> None:
+    def _divide(self, target: float, load: Load, halvings: int, accounted: bool) -> None:
         """One step to ``target``, halved until it converges."""
         try:
-            with np.errstate(all="ignore"):  # an iterate that runs away is found by its residual
-                self.motion = self._step(target, load)
+            self.motion = self._step(target, load, accounted)
         except _NotConvergedError:
             if halvings == 0:
                 raise WorkError(
@@ -168,41 +180,45 @@ class Integrator:
             self.counters.halvings += 1
             begin = self.motion
             middle = 0.5 * (begin.time + target)
-            self._divide(middle, _blend(begin.force, load, 0.5), halvings - 1)
-            self._divide(target, load, halvings - 1)
+            self._divide(middle, self._blend(begin.force, load, 0.5), halvings - 1, accounted)
+            self._divide(target, load, halvings - 1, accounted)
 
-    def _step(self, target: float, load: Load) -> Motion:
+    def _step(self, target: float, load: Load, accounted: bool) -> Motion:
         s, old = self.system, self.motion
         h = target - old.time
-        driven, carrier = s.drive.at(target), s.drive.carrier(target)
-        state = self._hold_state(self._predicted(old, carrier, h), driven)
-        ratio = (1.0 - self._am) / (h * h * self._beta * (1.0 - self._af))
-        rate = self._gamma / (h * self._beta)
+        driven = brought_tuple(s.arithmetic, s.drive.at(target))
+        carrier = s.drive.carrier(target)
+        state = self._predicted(old, carrier, h)
+        self._hold(state.c, driven)
+        self._hold_acceleration(state.acceleration, driven)
         before, fresh = np.inf, False
         for iteration in range(self.settings.iterations + 1):
-            c, acceleration, _ = state
-            force = load(c)
-            internal, inertial = s.internal(c), s.inertial(c, acceleration)
-            residual = inertial + internal + s.drag(c, carrier) - force
-            free = residual[s.free_rows]
-            size = largest(free)
-            scale = max(largest(f) for f in (internal, inertial, force))
+            c = state.c
+            force, internal = load(c), s.internal(c)
+            inertial = s.inertial(c, state.acceleration)
+            free = s.unbalanced(s.places.free, c, carrier, inertial, internal, force)
+            size, *scales = s.arithmetic.largest(free, internal, inertial, force)
             if not np.isfinite(size):
                 raise _NotConvergedError
-            if size <= max(self.settings.tolerance * scale, self._floor):
-                return self._finish(target, state, force, residual[s.held_rows], driven, carrier)
+            if size <= max(self.settings.tolerance * max(scales), self._floor):
+                reaction = s.unbalanced(s.places.held, c, carrier, inertial, internal, force)
+                return self._finish(target, state, force, reaction, driven, accounted)
             if iteration == self.settings.iterations:
                 raise _NotConvergedError
-            if self._stale(h) or (size > self.settings.slowest_contraction * before and not fresh):
-                self._factorise(c, carrier, h, rate, ratio)
+            slow = size > self.settings.slowest_contraction * before and not fresh
+            factor, fresh = self._factor, False
+            if factor is None or factor.stale(h) or slow:
+                factor = self._factor = self._factorised(c, carrier, h)
                 fresh = True
-            else:
-                fresh = False
             before = size
             self.counters.iterations += 1
-            change = -self._solve(free, carrier)
-            state = self._corrected(old, state, change, rate, ratio, driven)
+            self._correct(old, state, factor.solve(free, carrier), h)
         raise _NotConvergedError
+
+    def _rates(self, h: float) -> tuple[float, float]:
+        """Return the changes of velocity and of true acceleration per displacement at the end of a step."""
+        am, af, beta, gamma = self._averages
+        return gamma / (h * beta), (1.0 - am) / (h * h * beta * (1.0 - af))
 
     def _predicted(self, old: Motion, carrier: Carrier, h: float) -> _State:
         """Guess the new state: everything travels rigidly with its carrier frame.
@@ -211,71 +227,56 @@ class Integrator:
         film by their smallest vibration; this one leaves all strains as they are, and the first Newton step
         is then the exact linear response.
         """
-        before = self.system.drive.carrier(old.time).axes
-        swing = (carrier.axes @ np.swapaxes(before, 1, 2))[self.system.drive.group]
-        n, c = self.system.nodes, old.configuration
-        moved = np.concatenate([turn(swing[:n], c.x) - c.x, logarithm(swing[n:])])
-        auxiliary = ((moved - h * c.rates) / (h * h) - (0.5 - self._beta) * old.auxiliary) / self._beta
-        velocity = c.rates + h * ((1.0 - self._gamma) * old.auxiliary + self._gamma * auxiliary)
-        acceleration = (1.0 - self._am) * auxiliary + self._am * old.auxiliary - self._af * old.acceleration
-        return self._moved(c, moved, velocity), acceleration / (1.0 - self._af), moved
+        s, before = self.system, self.system.drive.carrier(old.time).axes
+        swing = s.arithmetic.brought(carrier.axes @ np.swapaxes(before, 1, 2))
+        state = _State(s.room(), s.arithmetic.empty(s.rows, 3), s.arithmetic.empty(s.rows, 3))
+        s.arithmetic.run(
+            predicted,
+            s.rows,
+            h,
+            self._averages,
+            old.configuration,
+            old.acceleration,
+            old.auxiliary,
+            swing,
+            s.places.group,
+            state.c,
+            state.acceleration,
+            state.moved,
+        )
+        return state
 
-    def _moved(self, c: Configuration, moved: FloatArray, velocity: FloatArray) -> Configuration:
-        n = self.system.nodes
-        x, turned = displaced(c.x, c.turn, moved)
-        return Configuration(x, velocity[:n], turned, velocity[n:])
-
-    def _corrected(
-        self,
-        old: Motion,
-        state: _State,
-        change: FloatArray,
-        rate: float,
-        ratio: float,
-        driven: Driven,
-    ) -> _State:
-        c, acceleration, moved = state
-        step = further(moved, change, self.system.free_rows, self.system.nodes)
-        moved = moved + step
-        velocity = c.rates + rate * step
-        acceleration = acceleration + ratio * step
-        return self._hold_state(
-            (self._moved(old.configuration, moved, velocity), acceleration, moved), driven
+    def _correct(self, old: Motion, state: _State, solution: FloatArray, h: float) -> None:
+        s = self.system
+        s.arithmetic.run(
+            corrected,
+            len(s.free_rows),
+            s.places.free,
+            solution,
+            *self._rates(h),
+            old.configuration,
+            state.c,
+            state.acceleration,
+            state.moved,
         )
 
-    def _hold_state(self, state: _State, driven: Driven) -> _State:
-        c, acceleration, moved = state
-        self._hold_acceleration(acceleration, driven)
-        return self._hold(c, driven), acceleration, moved
-
-    def _hold(self, c: Configuration, driven: Driven) -> Configuration:
-        nodes, bodies = self.system.drive.nodes, self.system.drive.bodies
-        c.x[nodes], c.v[nodes] = driven.x, driven.v
-        c.turn[bodies], c.spin[bodies] = driven.turn, driven.spin
-        return c
+    def _hold(self, c: Configuration, driven: Driven) -> None:
+        s = self.system
+        s.arithmetic.run(held, len(s.held_rows), s.places.nodes, s.places.bodies, driven, c)
 
     def _hold_acceleration(self, acceleration: FloatArray, driven: Driven) -> None:
-        drive = self.system.drive
-        acceleration[drive.nodes] = driven.a
-        acceleration[self.system.nodes + drive.bodies] = driven.spin_rate
+        s = self.system
+        s.arithmetic.run(held_acceleration, len(s.held_rows), s.places.held, driven, acceleration)
 
-    def _stale(self, h: float) -> bool:
-        return self._factor is None or not 0.8 < h / self._factor.step < 1.25
-
-    def _factorise(self, c: Configuration, carrier: Carrier, h: float, rate: float, ratio: float) -> None:
-        matrix = self.system.matrix(c, rate=rate, mass_factor=ratio, stressed=self.motion.configuration)
+    def _factorised(self, c: Configuration, carrier: Carrier, h: float) -> CarriedFactors:
+        rate, ratio = self._rates(h)
+        begin = self.motion.configuration
         try:
-            self._factor = _Factor(self.system.factorised(matrix), carrier.axes, h)
+            factors = self.system.factors(c, rate=rate, mass_factor=ratio, stressed=begin)
         except RuntimeError:
             raise _NotConvergedError from None
         self.counters.factorisations += 1
-
-    def _solve(self, free: FloatArray, carrier: Carrier) -> FloatArray:
-        factor, rows, group = self._factor, self.system.free_rows, self.system.drive.group
-        assert factor is not None  # noqa: S101 - set by _factorise before every first use
-        relative = carrier.axes @ np.swapaxes(factor.axes, 1, 2)
-        back = np.ascontiguousarray(np.swapaxes(relative, 1, 2))
-        return turned_rows(relative, group, rows, factor.factors.solve(turned_rows(back, group, rows, free)))
+        return CarriedFactors(factors, self.system, carrier, h)
 
     def _finish(
         self,
@@ -284,26 +285,36 @@ class Integrator:
         force: FloatArray,
         reaction: FloatArray,
         driven: Driven,
-        carrier: Carrier,
+        accounted: bool,
     ) -> Motion:
-        c, acceleration, moved = state
-        c = replace(c, turn=orthonormal(c.turn))
-        old = self.motion
-        auxiliary = (
-            (1.0 - self._af) * acceleration + self._af * old.acceleration - self._am * old.auxiliary
-        ) / (1.0 - self._am)
+        s, old = self.system, self.motion
+        s.arithmetic.run(straightened_turns, s.bodies, state.c.turn)
+        auxiliary = s.arithmetic.empty(s.rows, 3)
+        s.arithmetic.run(
+            averaged,
+            s.rows,
+            self._averages,
+            old.acceleration,
+            old.auxiliary,
+            state.acceleration,
+            auxiliary,
+        )
         self._hold_acceleration(auxiliary, driven)
         self.counters.steps += 1
-        energies = account(self.system, old, target, c, moved, force, reaction)
-        return Motion(target, c, acceleration, auxiliary, force, reaction, energies)
+        energies = old.energies
+        if accounted:
+            energies = account(s, old, target, state.c, state.moved, force, reaction)
+        return Motion(target, state.c, state.acceleration, auxiliary, force, reaction, energies)
 
+    def _blend(self, first: FloatArray, load: Load, share: float) -> Load:
+        """Load at a share of the way from ``first`` to ``load``."""
+        if share >= 1.0:
+            return load
+        arithmetic, rows = self.system.arithmetic, self.system.rows
 
-def _blend(first: FloatArray, load: Load, share: float) -> Load:
-    """Load at a share of the way from ``first`` to ``load``."""
-    if share >= 1.0:
-        return load
+        def blended(c: Configuration) -> FloatArray:
+            out = arithmetic.empty(rows, 3)
+            arithmetic.run(between, rows, share, first, load(c), out)
+            return out
 
-    def between(c: Configuration) -> FloatArray:
-        return (1.0 - share) * first + share * load(c)
-
-    return between
+        return blended

@@ -24,10 +24,11 @@ import numpy as np
 
 from cwmav_sim.wing.carried import CarriedAir, body_blocks
 from cwmav_sim.wing.connector import Connectors, Ends, Stiffness
-from cwmav_sim.wing.dynamics import Inertia, System
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.facets import Facets, FacetSheet, group_triangles, rigid_facets
 from cwmav_sim.wing.flexible import Plan, locate, stiffener_path
 from cwmav_sim.wing.hinge import Held, HingedRoot
+from cwmav_sim.wing.parts import Inertia
 from cwmav_sim.wing.rods import Section, straight_rod
 from cwmav_sim.wing.rotation import turn, turn_back
 from cwmav_sim.wing.sheet import FloatArray, IntArray

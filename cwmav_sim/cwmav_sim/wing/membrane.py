@@ -13,10 +13,12 @@ Source: Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis,
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from cwmav_common.errors import InputError
-from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.arithmetic import HOST, Arithmetic, brought_tuple
 from cwmav_sim.wing.film_loops import (
     Triangles,
     film_dissipation,
@@ -25,6 +27,7 @@ from cwmav_sim.wing.film_loops import (
     film_strain,
     film_tangent,
 )
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 
 
@@ -61,41 +64,62 @@ class Membrane:
         law: FloatArray,
         viscosity: float = 0.0,
     ) -> None:
-        self.triangles, self.viscosity = triangles, viscosity
+        self._arithmetic: Arithmetic = HOST
+        self.triangles, self.viscosity, self._law = triangles, viscosity, law
         gradients, self.areas = _gradients(reference, triangles)
         self._film = Triangles(
             triangles, np.ascontiguousarray(gradients), thickness * self.areas, law, float(viscosity)
         )
         self._dofs = (3 * triangles[:, :, None] + np.arange(3)).reshape(len(triangles), 9)
 
+    def brought(self, arithmetic: Arithmetic) -> Membrane:
+        """Return the same film with its arrays in the place of an arithmetic."""
+        other = copy(self)
+        other._arithmetic, other._film = arithmetic, brought_tuple(arithmetic, self._film)
+        return other
+
     @property
     def dofs(self) -> IntArray:
-        """Scalar unknowns of each triangle, shape (m, 9)."""
+        """Scalar unknowns of each triangle, shape (m, 9), on the host."""
         return self._dofs
 
     def strain(self, c: Configuration) -> FloatArray:
         """Return Green-Lagrange strains (E11, E22, 2 E12), shape (m, 3)."""
-        return film_strain(c.x, self._film)
+        out = self._arithmetic.empty(len(self._dofs), 3)
+        self._arithmetic.run(film_strain, len(self._dofs), c.x, self._film, out)
+        return out
 
     def stress(self, c: Configuration) -> FloatArray:
-        """Return elastic second Piola-Kirchhoff stresses (S11, S22, S12) [Pa], shape (m, 3)."""
-        return np.asarray(self.strain(c) @ self._film.law)
+        """Return elastic second Piola-Kirchhoff stresses (S11, S22, S12) [Pa], shape (m, 3), on the host."""
+        return np.asarray(self._arithmetic.on_host(self.strain(c)) @ self._law)
 
     def forces(self, c: Configuration) -> FloatArray:
         """Return the resisting nodal forces [N], shape (m, 9)."""
-        return film_forces(c.x, c.v, self._film)
+        out = self._arithmetic.empty(*self._dofs.shape)
+        self._arithmetic.run(film_forces, len(self._dofs), c.x, c.v, self._film, out)
+        return out
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return the stiffness with its viscous part, shape (m, 9, 9)."""
-        return film_tangent(c.x, c.v, self._film, rate, stressed.x, stressed.v)
+        out = self._arithmetic.empty(*self._dofs.shape, self._dofs.shape[1])
+        self._arithmetic.run(
+            film_tangent, len(self._dofs), c.x, c.v, self._film, rate, stressed.x, stressed.v, out
+        )
+        return out
 
     def energy(self, c: Configuration) -> float:
         """Return the strain energy [J]."""
-        return film_energy(c.x, self._film)
+        out = self._arithmetic.empty(len(self._dofs))
+        self._arithmetic.run(film_energy, len(self._dofs), c.x, self._film, out)
+        return self._arithmetic.total(out)
 
     def dissipation(self, c: Configuration) -> float:
         """Return the viscous power [W]."""
-        return film_dissipation(c.x, c.v, self._film) if self.viscosity else 0.0
+        if not self.viscosity:
+            return 0.0
+        out = self._arithmetic.empty(len(self._dofs))
+        self._arithmetic.run(film_dissipation, len(self._dofs), c.x, c.v, self._film, out)
+        return self._arithmetic.total(out)
 
 
 def lumped_mass(areas: FloatArray, triangles: IntArray, count: int, areal_density: float) -> FloatArray:

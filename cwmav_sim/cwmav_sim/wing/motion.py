@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-from cwmav_sim.wing.dynamics import Configuration
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray
 
 
@@ -51,6 +52,20 @@ class Motion:
     force: FloatArray  # external, at this instant
     reaction: FloatArray  # on the driven rows
     energies: Energies
+
+    def moved(self, bring: Callable[[FloatArray], FloatArray]) -> Motion:
+        """Return the same motion with its arrays in another place."""
+        return replace(
+            self,
+            configuration=Configuration(*(bring(field) for field in self.configuration)),
+            acceleration=bring(self.acceleration),
+            auxiliary=bring(self.auxiliary),
+            force=bring(self.force),
+            reaction=bring(self.reaction),
+        )
+
+
+FIELDS = ("acceleration", "auxiliary", "force", "reaction")
 
 
 @dataclass

@@ -8,7 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 
-from cwmav_sim.wing.dynamics import Configuration, System
+from cwmav_sim.wing.dynamics import System
+from cwmav_sim.wing.load_loops import node_inertia, rows_of, sheet_rows
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, SheetState
 
 
@@ -33,6 +35,15 @@ class SheetMap(Protocol):
 
 
 @runtime_checkable
+class PortableMap(SheetMap, Protocol):
+    """A sheet whose structure can be brought to another place."""
+
+    def brought(self, system: System) -> PortableMap:
+        """Return the same sheet on the structure there."""
+        ...
+
+
+@runtime_checkable
 class ImpactMap(SheetMap, Protocol):
     """A sheet that can touch another one."""
 
@@ -51,14 +62,22 @@ class NodesAreSheet:
     def __init__(self, system: System) -> None:
         self._system = system
 
+    def brought(self, system: System) -> NodesAreSheet:
+        """Return the same sheet on the structure in another place."""
+        return NodesAreSheet(system)
+
     def state(self, c: Configuration, acceleration: FloatArray) -> SheetState:
         """Return the nodes themselves."""
-        return SheetState(c.x.copy(), c.v.copy(), acceleration[: self._system.nodes].copy())
+        arithmetic, n = self._system.arithmetic, self._system.nodes
+        x, v, a = (arithmetic.empty(n, 3) for _ in range(3))
+        for field, out in ((c.x, x), (c.v, v), (acceleration, a)):
+            arithmetic.run(rows_of, n, field, out)
+        return SheetState(x, v, a)
 
     def load(self, c: Configuration, forces: FloatArray) -> FloatArray:
         """Return the nodal forces, without moments on the bodies."""
-        out = np.zeros((self._system.rows, 3))
-        out[: self._system.nodes] = forces
+        out = self._system.arithmetic.empty(self._system.rows, 3)
+        self._system.arithmetic.run(sheet_rows, self._system.rows, forces, out)
         return out
 
     def kick(self, c: Configuration, impulses: FloatArray) -> FloatArray:
@@ -75,4 +94,7 @@ class NodesAreSheet:
 
     def carried(self, c: Configuration, mass: FloatArray, normal: FloatArray) -> FloatArray:
         """Return the mass along the normal of every node, shape (n, 3, 3)."""
-        return mass[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        arithmetic, n = self._system.arithmetic, self._system.nodes
+        out = arithmetic.empty(n, 3, 3)
+        arithmetic.run(node_inertia, n, mass, normal, out)
+        return out

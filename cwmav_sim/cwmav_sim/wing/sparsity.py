@@ -1,17 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the tangents of elements land among the stored entries of the whole, found once."""
+"""Where forces and tangents of elements land among the entries of the whole, found once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from cwmav_sim.wing.algebra import compiled
+from cwmav_sim.wing.arithmetic import HOST, Arithmetic
 from cwmav_sim.wing.block_lu import BlockLU
+from cwmav_sim.wing.motion_loops import add_gathered
 from cwmav_sim.wing.sheet import FloatArray, IntArray
+
+
+class Gathering(NamedTuple):
+    """Which values belong to each total: ``sources[starts[i] : starts[i + 1]]``, ascending."""
+
+    starts: NDArray[np.int32]
+    sources: NDArray[np.int32]
+
+
+def gathering(target: IntArray, totals: int) -> Gathering:
+    """Return which of the values with these targets, any negative ones left out, belong to each total."""
+    order = np.argsort(target, kind="stable")
+    starts = np.searchsorted(target[order], np.arange(totals + 1))
+    return Gathering(starts.astype(np.int32), order.astype(np.int32))
+
+
+def add_all(
+    arithmetic: Arithmetic,
+    gatherings: Sequence[Gathering],
+    families: Sequence[FloatArray],
+    total: FloatArray,
+) -> None:
+    """Add the values of every family to the totals (n,), family after family."""
+    for lists, values in zip(gatherings, families, strict=True):
+        arithmetic.run(add_gathered, len(total), *lists, arithmetic.flat(values), total)
 
 
 class Pattern:
@@ -44,24 +72,24 @@ class Pattern:
         target = np.full(len(row), -1, dtype=np.int64)
         target[inside] = place
         ends = np.cumsum([d.size * d.shape[1] for d in families])
-        self._targets = np.split(target, ends[:-1])
+        self.gatherings = [gathering(t, len(unique)) for t in np.split(target, ends[:-1])]
+
+    @property
+    def entries(self) -> int:
+        """Number of stored entries."""
+        return len(self._indices)
 
     def assemble(self, values: Sequence[FloatArray]) -> sp.csc_matrix:
         """Sum the blocks (m, d, d) of every family."""
-        data = np.zeros(len(self._indices))
-        for target, family in zip(self._targets, values, strict=True):
-            _gather(data, target, family.reshape(-1))
-        return sp.csc_matrix((data, self._indices, self._starts), shape=(self.size, self.size))
+        stored = np.zeros(self.entries)
+        add_all(HOST, self.gatherings, values, stored)
+        return self.matrix(stored)
+
+    def matrix(self, stored: NDArray[Any]) -> sp.csc_matrix:
+        """Return the matrix with these stored entries."""
+        return sp.csc_matrix((stored, self._indices, self._starts), shape=(self.size, self.size))
 
     @cached_property
     def lu(self) -> BlockLU:
         """Places of the factors of what :meth:`assemble` returns."""
-        empty = np.zeros(len(self._indices))
-        return BlockLU(sp.csc_matrix((empty, self._indices, self._starts), shape=(self.size, self.size)))
-
-
-@compiled
-def _gather(data: FloatArray, target: IntArray, values: FloatArray) -> None:
-    for i in range(len(target)):
-        if target[i] >= 0:
-            data[target[i]] += values[i]
+        return BlockLU(self.matrix(np.zeros(self.entries)))

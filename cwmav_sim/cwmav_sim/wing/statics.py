@@ -10,7 +10,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from cwmav_common.errors import WorkError
-from cwmav_sim.wing.dynamics import Configuration, Load, System
+from cwmav_sim.wing.dynamics import Load, System
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.rotation import compounded, exponential
 from cwmav_sim.wing.sheet import FloatArray
 

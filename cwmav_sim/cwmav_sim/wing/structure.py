@@ -12,13 +12,16 @@ from typing import Protocol
 import numpy as np
 
 from cwmav_common.errors import InputError, WorkError
+from cwmav_sim.wing.arithmetic import Arithmetic
 from cwmav_sim.wing.carried import Carried
 from cwmav_sim.wing.contact import ContactLaw, Impacts
-from cwmav_sim.wing.dynamics import Configuration, Load, System
+from cwmav_sim.wing.dynamics import Load, System
 from cwmav_sim.wing.integrate import Integration, Integrator
+from cwmav_sim.wing.load_loops import at_end, onward, scaled
 from cwmav_sim.wing.motion import Counters, Energies, Motion
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray, IntArray, SheetState
-from cwmav_sim.wing.sheet_map import ImpactMap, SheetMap
+from cwmav_sim.wing.sheet_map import ImpactMap, PortableMap, SheetMap
 
 
 class WingStructure(Protocol):
@@ -123,6 +126,24 @@ class FlexibleWings:
                 raise TypeError(f"{type(sheet).__name__} cannot take impacts, which contact needs")
             self.impacts = Impacts(contact, system, sheet, triangles, panel, panel_names, self.state().x)
 
+    def bring(self, arithmetic: Arithmetic) -> None:
+        """Go on with all arrays in the place of an arithmetic; loads are taken and states returned there.
+
+        What contacts do to each other is still found on the host.
+
+        Raises
+        ------
+        TypeError
+            The sheet, or an element of the structure, knows only the host.
+        """
+        if not isinstance(self.sheet, PortableMap):
+            raise TypeError(f"a sheet of type {type(self.sheet).__name__} is computed on the host only")
+        self.system = self.system.brought(arithmetic)
+        self.sheet = self.sheet.brought(self.system)
+        self._integrator.bring(self.system)
+        if self.impacts is not None:
+            self.impacts.bring(arithmetic, self.sheet)
+
     @property
     def triangles(self) -> IntArray:
         """Node numbers of each triangle, shape (m, 3)."""
@@ -185,7 +206,7 @@ class FlexibleWings:
         """Return where :meth:`pushed` would lead, contacts apart, without going there."""
         self._check(time, load)
         begin = self._integrator.motion
-        self._integrator.advance(time, self._mean(time, load, carried))
+        self._integrator.advance(time, self._mean(time, load, carried), accounted=False)
         reached = self._integrator.motion
         self._integrator.amend(begin)
         return reached.configuration, self.sheet.state(reached.configuration, reached.acceleration)
@@ -195,13 +216,18 @@ class FlexibleWings:
         motion = self._integrator.motion
         return self.sheet.state(motion.configuration, motion.acceleration)
 
+    @property
+    def configuration(self) -> Configuration:
+        """Where everything is at the time reached, in the place of the structure's arrays."""
+        return self._integrator.motion.configuration
+
     def save(self) -> Motion:
-        """Return everything needed to go on from here."""
-        return self._integrator.motion
+        """Return everything needed to go on from here, on the host."""
+        return self._integrator.motion.moved(self.system.arithmetic.on_host)
 
     def restore(self, motion: Motion) -> None:
         """Go back to a saved instant."""
-        self._integrator.restore(motion)
+        self._integrator.restore(motion.moved(self.system.arithmetic.brought))
         if self.impacts is not None:
             self.impacts.forget()
 
@@ -215,16 +241,23 @@ class FlexibleWings:
         The method feels (1 - f) times the load at the end and f times that at the begin, nothing else.
         """
         air, begin, f = self.system.carried, self._integrator.motion, self._integrator.share_of_begin
-        step, c0 = time - begin.time, begin.configuration
+        step, c0, arithmetic = time - begin.time, begin.configuration, self.system.arithmetic
         if air is None:
             raise ValueError("this structure was built without room for carried air")
-        blocks = self.sheet.carried(c0, carried.mass, carried.normal) / step
-        air.renew(blocks / (1.0 - f), c0.rates + step * carried.rate)
+        blocks = self.sheet.carried(c0, carried.mass, carried.normal)
+        entries, rows = arithmetic.flat(blocks), self.system.rows
+        arithmetic.run(scaled, len(entries), 1.0 / (step * (1.0 - f)), entries, entries)
+        foreseen = arithmetic.empty(rows, 3)
+        arithmetic.run(onward, rows, step, c0, carried.rate, foreseen)
+        air.renew(blocks, foreseen)
 
-        def at_end(c: Configuration) -> FloatArray:
-            return (self.sheet.load(c, load) - f * begin.force) / (1.0 - f) + air.load(c)
+        def end(c: Configuration) -> FloatArray:
+            out = arithmetic.empty(rows, 3)
+            arithmetic.run(at_end, rows, f, begin.force, self.sheet.load(c, load), out)
+            air.change(c, out)
+            return out
 
-        return at_end
+        return end
 
     def _check(self, time: float, load: FloatArray) -> None:
         if not time >= self.time:
@@ -233,5 +266,5 @@ class FlexibleWings:
             )
         if load.shape != (self._count, 3):
             raise InputError(f"wing structure: loads have shape {load.shape}; allowed: ({self._count}, 3)")
-        if not np.all(np.isfinite(load)):
+        if not np.isfinite(self.system.arithmetic.largest(load)[0]):
             raise WorkError("wing structure: the air load is not finite")

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from cwmav_common.errors import InputError, WorkError
 from cwmav_sim import case as cases
-from cwmav_sim.coupling import node_normals
+from cwmav_sim.coupling import Normals
 from cwmav_sim.solver import Solver
 from cwmav_sim.sph.sheet import SheetLoad, SheetQuadrature
 from cwmav_sim.verification.coupled import EnergyOfExchange
@@ -78,7 +78,7 @@ def test_unknowns_of_the_structure_receive_the_force_and_power_of_the_nodes(mode
     structure = coarse(model).motion().structure
     rng = np.random.default_rng(3)
     c = structure.save().configuration
-    c = replace(c, v=rng.normal(size=c.v.shape), spin=rng.normal(size=c.spin.shape))
+    c = c._replace(v=rng.normal(size=c.v.shape), spin=rng.normal(size=c.spin.shape))
     state = structure.sheet.state(c, np.zeros_like(c.rates))
     force = rng.normal(size=state.x.shape)
     on_rows = structure.sheet.load(c, force)
@@ -110,7 +110,7 @@ def test_reactions_of_the_elements_add_up_to_the_load_of_the_panels():
 def test_carried_air_is_what_the_load_falls_by_per_acceleration():
     case = coarse("membrane")
     motion, solver, _ = run(case, 2)
-    nodes, normal = solver.sheet, node_normals(solver.sheet.x, motion.triangles)
+    nodes, normal = solver.sheet, Normals(motion.triangles).of(solver.sheet.x)
     faster = replace(nodes, a=nodes.a + 50.0 * normal)
     loads = []
     for state in (nodes, faster):
@@ -263,7 +263,7 @@ def test_wings_do_not_look_back():
 def test_folded_wing_is_a_failure_of_work():
     x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]])
     with pytest.raises(WorkError, match="folded"):
-        node_normals(x, np.array([[0, 1, 2], [1, 0, 3]]))
+        Normals(np.array([[0, 1, 2], [1, 0, 3]])).of(x)
 
 
 def test_unknown_model_is_refused():

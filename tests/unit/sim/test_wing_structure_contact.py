@@ -8,8 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cwmav_sim.wing.contact import ContactLaw, Impacts
-from cwmav_sim.wing.dynamics import Configuration, Inertia, StillRoot, System
+from cwmav_sim.wing.drive import StillRoot
+from cwmav_sim.wing.dynamics import System
 from cwmav_sim.wing.integrate import Integration, Integrator
+from cwmav_sim.wing.parts import Configuration, Inertia
 from cwmav_sim.wing.sheet_map import NodesAreSheet
 
 NO_BODIES, NO_SPIN = np.zeros((0, 3, 3)), np.zeros((0, 3))

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cwmav_sim.wing.connector import Connectors, Ends, Stiffness
-from cwmav_sim.wing.dynamics import Configuration
 from cwmav_sim.wing.membrane import Membrane, plane_stress
+from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.rotation import compounded, exponential, logarithm, orthonormal
 
 STEP = 1e-6
@@ -37,7 +37,8 @@ class Probe:
 
     def tangent(self, rate):
         out = np.zeros((self.size, self.size))
-        for dofs, block in zip(self.element.dofs, self.element.tangent(self.c, rate, self.c), strict=True):
+        blocks = self.element.tangent(self.c, rate, self.c).reshape(*self.element.dofs.shape, -1)
+        for dofs, block in zip(self.element.dofs, blocks, strict=True):
             out[np.ix_(dofs, dofs)] += block
         return out
 
