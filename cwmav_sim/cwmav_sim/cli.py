@@ -258,17 +258,18 @@ def verify(
     json: Json = False,
 ) -> None:
     """Compare the solver with known answers."""
-    from cwmav_sim.fingerprint import solver_fingerprint
+    from cwmav_sim.fingerprint import coupled_fingerprint, solver_fingerprint
     from cwmav_sim.verification.catalogue import catalogue, select
     from cwmav_sim.verification.record import Record
 
     if listing:
         entries = [{"name": c.name, "summary": c.summary, "long": c.slow} for c in catalogue()]
         lines = [f"{e['name']:24} {'long ' if e['long'] else '     '}{e['summary']}" for e in entries]
+        alone, coupled = solver_fingerprint(), coupled_fingerprint()
         emit(
-            {"cases": entries, "solver": solver_fingerprint()},
+            {"cases": entries, "solver": alone, "coupled_solver": coupled},
             json,
-            [*lines, f"solver {solver_fingerprint()}"],
+            [*lines, f"solver {alone}, with flexible wings {coupled}"],
         )
         return
     kept = Record(record) if record is not None else None

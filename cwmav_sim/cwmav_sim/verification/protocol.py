@@ -63,7 +63,8 @@ class Check:
 class VerificationCase(Protocol):
     """A run with a known answer.
 
-    A case may also have a ``remark``: what is known of the cause where it misses a bar.
+    A case may also have a ``remark``: what is known of the cause where it misses a bar; and ``flexible``,
+    true where it runs the structure of flexible wings.
     """
 
     @property

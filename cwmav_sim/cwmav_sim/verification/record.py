@@ -20,7 +20,7 @@ import numba
 
 from cwmav_common.cli import to_json
 from cwmav_common.errors import InputError
-from cwmav_sim.fingerprint import solver_fingerprint
+from cwmav_sim.fingerprint import coupled_fingerprint, solver_fingerprint
 from cwmav_sim.verification.protocol import Check, VerificationCase
 
 _DATA = "verification.json"
@@ -30,8 +30,8 @@ _HEAD = """# Verification: last results
 
 Written by `cwmav-sim verify --record docs/reference`; do not edit. Error and bar are in per cent of the
 reference or, where that is zero, of the scale named with the quantity. `solver` is the fingerprint of the
-numerics that ran; the present one is printed by `cwmav-sim verify --list`. Cases marked *long* take more than
-two minutes on two cores (`make verify-long`).
+numerics that ran, with the structure where there is one; the present ones are printed by
+`cwmav-sim verify --list`. Cases marked *long* take more than two minutes on two cores (`make verify-long`).
 """
 
 
@@ -70,7 +70,7 @@ class Record:
             "long": case.slow,
             "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
             "commit": _commit(),
-            "solver": solver_fingerprint(),
+            "solver": coupled_fingerprint() if getattr(case, "flexible", False) else solver_fingerprint(),
             "machine": _machine(),
             "seconds": round(seconds, 1),
             "checks": json.loads(to_json([c.to_json() for c in checks])),
