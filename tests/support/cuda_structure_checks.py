@@ -14,17 +14,27 @@ if "--simulate" in sys.argv:
 import numpy as np
 import scipy.sparse as sp
 
+from cwmav_sim.coupling import CoupledWings, Coupling
 from cwmav_sim.cuda.block_lu import CardLU
 from cwmav_sim.cuda.launch import empty, upload
+from cwmav_sim.cuda.solver import CudaSolver
+from cwmav_sim.cuda.structure import CardArithmetic
 from cwmav_sim.kinematics import Kinematics
+from cwmav_sim.solver import Solver
+from cwmav_sim.sph.settings import Box
+from cwmav_sim.sph.sheet import SheetLoad
 from cwmav_sim.wing.block_lu import BlockLU
-from cwmav_sim.wing.flexible import Flexibility, membrane_wings, plan
+from cwmav_sim.wing.contact import ContactLaw, Impacts
+from cwmav_sim.wing.drive import StillRoot
+from cwmav_sim.wing.dynamics import System
+from cwmav_sim.wing.flexible import Flexibility, LatticeLayout, membrane_wings, plan
 from cwmav_sim.wing.geometry import WingPlanform
+from cwmav_sim.wing.integrate import Integration, Integrator
+from cwmav_sim.wing.lattice import lattice_wings
+from cwmav_sim.wing.parts import Inertia
 from cwmav_sim.wing.prescribed import Attitude
-
-
-def difference(found, reference):
-    return float(np.abs(found - reference).max() / max(np.abs(reference).max(), 1e-30))
+from cwmav_sim.wing.sheet_map import NodesAreSheet
+from support.cuda_checks import DP, difference, flow
 
 
 def blocks(near, seed):
@@ -66,7 +76,7 @@ def compare(*matrices):
     rng = np.random.default_rng(7)
     worst = 0.0
     for a in matrices:
-        factors = lu.factorised(a)
+        factors = lu.factorised(a.data)
         card.factorise(upload(a.data))
         for _ in range(2):
             right = rng.normal(size=(len(lu.order), 3))
@@ -97,12 +107,12 @@ def structure():
     layout = plan(
         Flexibility(), WingPlanform(), Kinematics(), attitude, spacing=0.024, half=True, moving=True
     )
-    wings = membrane_wings(layout)
-    at = wings.save().configuration
+    moving = membrane_wings(layout)
+    at = moving.save().configuration
     return {
         "solution": compare(
-            wings.system.matrix(at, rate=2e4, mass_factor=4e8),
-            wings.system.matrix(at, rate=2e2, mass_factor=4e4),
+            moving.system.matrix(at, rate=2e4, mass_factor=4e8),
+            moving.system.matrix(at, rate=2e2, mass_factor=4e4),
         )
     }
 
@@ -137,7 +147,112 @@ def repeated():
     return {"bits": float(len(bits) - 1)}
 
 
-CHECKS = {check.__name__: check for check in (factors, structure, failures, repeated)}
+def wings(model, spacing=0.03):
+    """Return small wings of two panels that the air moves."""
+    attitude = Attitude(frequency=12.0, angle_of_attack=0.3, airspeed=3.0)
+    flexibility = Flexibility(lattice=LatticeLayout(spanwise=3, chordwise=2))
+    layout = plan(
+        flexibility, WingPlanform(), Kinematics(), attitude, spacing=spacing, half=True, moving=True
+    )
+    build = {"membrane": membrane_wings, "lattice": lattice_wings}[model]
+    return CoupledWings(build(layout), Coupling(substeps=2), 1.0 / 12.0)
+
+
+def _exchange(model, steps):
+    """Move wings on the processor and on the card under the same loads, through a saved state."""
+    host, card = wings(model), wings(model)
+    there = CardArithmetic()
+    card.bring(there)
+    rng = np.random.default_rng(4)
+    count = len(host.state(0.0).x)
+    force, mass = 2e-4 / count * rng.normal(size=(count, 3)), 1e-4 / count * rng.uniform(size=count)
+    for step in range(steps):
+        if step == steps - 1:
+            card.restore(card.save())
+            host.restore(host.save())
+        t = host.structure.time + 4e-4
+        for moving, bring in ((host, np.copy), (card, there.brought)):
+            load = SheetLoad(bring(force), bring(mass))
+            moving.foresee(t, load)
+            moving.accept(t, load)
+    return host, card
+
+
+def _compare_wings(host, card):
+    out = {}
+    t = max(host.structure.time, card.structure.time)
+    for name, found, expected in (
+        ("reached", card.state(t), host.state(t)),
+        ("ahead", card.state(t + 1e-4), host.state(t + 1e-4)),
+    ):
+        out |= {f"{name}.{q}": difference(getattr(found, q), getattr(expected, q)) for q in "xva"}
+    saved, own = host.save(), card.save()
+    out |= {name: difference(own[name], saved[name]) for name in saved if name != "energies"}
+    energies = np.abs(own["energies"] - saved["energies"]).max() / np.abs(saved["energies"]).max()
+    counters = host.structure.counters == card.structure.counters
+    return out | {"energies": float(energies), "counters": float(not counters)}
+
+
+def exchange_membrane():
+    """Compare wings of film and rods after some steps."""
+    return _compare_wings(*_exchange("membrane", 3))
+
+
+def exchange_lattice():
+    """Compare wings of facets after some steps."""
+    return _compare_wings(*_exchange("lattice", 3))
+
+
+def impact():
+    """Compare what an impact of a light triangle on a heavy one does, found where its arrays lie."""
+    lower = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    upper = np.array([[0.2, 0.2, 0.0], [0.6, 0.2, 0.5], [0.2, 0.6, 0.5]])
+    triangles, panel, names = np.array([[0, 1, 2], [3, 4, 5]]), np.array([0, 1]), ("upper_x", "lower_x")
+    none, no_bodies = np.zeros(0, dtype=np.int64), np.zeros((0, 3, 3))
+    start, x = (np.concatenate([upper + np.array([0.0, 0.0, height]), lower]) for height in (1.0, 1e-4))
+    v = np.concatenate([np.tile([0.3, 0.0, -2.0], (3, 1)), np.zeros((3, 3))])
+    inertia = Inertia(np.repeat([1.0, 3.0], 3), np.zeros((0, 3)))
+    system = System(inertia, [], StillRoot(x, no_bodies, none, none))
+    motion = Integrator(system, Integration(), x, no_bodies, v=v).motion
+    host, card = (
+        Impacts(ContactLaw(), system, NodesAreSheet(system), triangles, panel, names, start) for _ in range(2)
+    )
+    there = CardArithmetic()
+    card.bring(there, NodesAreSheet(system.brought(there)))
+    expected, found = host.resolve(motion), card.resolve(motion.moved(there.brought)).moved(there.on_host)
+    moved = np.abs(expected.configuration.v - v).max()
+    return {
+        "nothing": float(moved < 0.1 or card.largest == 0),
+        "v": difference(found.configuration.v, expected.configuration.v),
+        "lost": abs(found.energies.contact - expected.energies.contact),
+    }
+
+
+def steps():
+    """Compare steps of air around small flexible wings, all of it on the card or on the processor."""
+    attitude = Attitude(frequency=12.0, angle_of_attack=0.3, airspeed=2.0)
+    planform = WingPlanform(length=0.055, root=0.015, root_chord=0.03, straight_to=0.04)
+    kinematics = Kinematics(clap_half_gap_deg=12.0)
+    settings = flow(Box(length=9 * DP, width=10 * DP, height=9 * DP, upstream=4 * DP, symmetric=True))
+    solvers = []
+    for build in (Solver, CudaSolver):
+        layout = plan(Flexibility(), planform, kinematics, attitude, spacing=DP, half=True, moving=True)
+        moving = CoupledWings(membrane_wings(layout), Coupling(), 1.0 / 12.0)
+        solvers.append((moving, build(settings, moving, 2.0)))
+    (wings_host, host), (wings_card, card) = solvers
+    out = {}
+    for _ in range(2):
+        expected, found = host.step(), card.step()
+        for name in ("dt", "pressure", "viscous", "power", "moment"):
+            key = f"step.{name}"
+            out[key] = max(out.get(key, 0.0), difference(getattr(found, name), getattr(expected, name)))
+    out |= {f"air.{q}": difference(getattr(card, q), getattr(host, q)) for q in ("position", "velocity")}
+    out |= {f"sheet.{q}": difference(getattr(card.sheet, q), getattr(host.sheet, q)) for q in "xva"}
+    return out | _compare_wings(wings_host, wings_card)
+
+
+_ALL = (steps, factors, structure, failures, repeated, exchange_membrane, exchange_lattice, impact)
+CHECKS = {check.__name__: check for check in _ALL}
 
 if __name__ == "__main__":
     print(json.dumps(CHECKS[sys.argv[1]]()))

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numba import cuda
 from scipy.sparse.csgraph import connected_components
 
-from cwmav_sim.cuda.launch import CardArray, empty, launch, start_blocks, upload
+from cwmav_sim.cuda.launch import MANY_THREADS, CardArray, empty, launch, start_blocks, upload
 from cwmav_sim.cuda.levels import Work, plan
 from cwmav_sim.wing.algebra import compiled
 from cwmav_sim.wing.block_lu import BlockLU
@@ -54,14 +54,20 @@ class CardLU:
             A pivot vanishes, or is not a number.
         """
         launch(_fill, self._blocks.shape[0], data, self._stored, self._blocks, self._failed)
-        start_blocks(_factorise, self._pieces, self._blocks, *self._elimination, self._failed)
+        start_blocks(
+            _factorise, self._pieces, self._blocks, *self._elimination, self._failed, threads=MANY_THREADS
+        )
         if self._failed.copy_to_host()[0]:
             raise RuntimeError("the matrix is singular")
 
     def solve(self, right: CardArray, out: CardArray) -> None:
         """Fill ``out`` with the solution for the right-hand side ``right``, two arrays of shape (n, 3)."""
-        start_blocks(_solve_down, self._pieces, self._blocks, *self._down, right, self._middle)
-        start_blocks(_solve_up, self._pieces, self._blocks, *self._up, self._middle, out)
+        start_blocks(
+            _solve_down, self._pieces, self._blocks, *self._down, right, self._middle, threads=MANY_THREADS
+        )
+        start_blocks(
+            _solve_up, self._pieces, self._blocks, *self._up, self._middle, out, threads=MANY_THREADS
+        )
 
 
 def _uploaded(*arrays: IntArray) -> tuple[CardArray, ...]:

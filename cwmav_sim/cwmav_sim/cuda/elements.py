@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from cwmav_sim.cuda.cells import CardGrid, CellSort, cell_number, place_of
 from cwmav_sim.cuda.integrate import around
-from cwmav_sim.cuda.launch import Post, empty, launch, upload
-from cwmav_sim.sph.sheet import Motion, Nodes, SheetQuadrature
+from cwmav_sim.cuda.launch import CardArray, empty, launch, upload
+from cwmav_sim.cuda.nodes import CardNodes
+from cwmav_sim.sph.sheet import Motion, Nodes, SheetLoad, SheetQuadrature
 from cwmav_sim.sph.wall import ELEMENT_ROWS
 
 # Rows of placed elements: position, velocity, normal, inward direction, acceleration along the normal, area.
@@ -64,10 +65,7 @@ class CardElements:
         self._corners, self._weights = upload(corners.astype(np.int32)), upload(weights)
         self._inward, self._share = upload(inward), upload(share)
         self._of_panel = upload(quadrature.panel.astype(np.int32))
-        triangles, first, incident = _incident(np.asarray(motion.triangles), len(reference.x))
-        self._triangles, self._first, self._incident = upload(triangles), upload(first), upload(incident)
-        self._nodes, self._post = empty((9, len(reference.x))), Post((9, len(reference.x)))
-        self._node_normal = empty((3, len(reference.x)))
+        self._nodes = CardNodes(np.asarray(motion.triangles), corners, weights, len(reference.x))
         self._placed = empty((PLACED_ROWS, self.count))
         self._key = empty(self.count, np.int32)
         self._probe, self._depth = (
@@ -81,24 +79,19 @@ class CardElements:
         self.cell_of, self.panel = empty(self.count, np.int32), empty(self.count, np.int32)
         self.probes, self.probe_column = empty((PROBE_ROWS, probes), dtype), empty(probes, dtype)
 
+    def node_load(self, reaction: CardArray, load: SheetLoad) -> None:
+        """Bring the reactions (4, m) of the elements, by number, to the nodes of a load on the card."""
+        self._nodes.load(reaction, load)
+
     def place(self, nodes: Nodes) -> None:
-        """Bring all elements to a state of the nodes and sort them."""
+        """Bring all elements to a state of the nodes, on the host or on the card, and sort them."""
         grid = self._grid
-        self._post.send(np.hstack([nodes.x, nodes.v, nodes.a]).T, self._nodes)
-        launch(
-            _node_normals,
-            self._nodes.shape[1],
-            self._nodes,
-            self._triangles,
-            self._first,
-            self._incident,
-            self._node_normal,
-        )
+        self._nodes.take(nodes)
         launch(
             _place,
             self.count,
-            self._nodes,
-            self._node_normal,
+            self._nodes.rows,
+            self._nodes.normal,
             self._corners,
             self._weights,
             self._inward,
@@ -163,37 +156,6 @@ def _in_triangles(
     inward = np.stack([(g22 * b1 - g12 * b2) / determinant, (g11 * b2 - g12 * b1) / determinant])
     share = placed.area / (0.5 * np.linalg.norm(np.cross(e1, e2), axis=1))
     return corners.T, weights.data.reshape(-1, 3).T, inward, share
-
-
-def _incident(
-    triangles: NDArray[np.int64], nodes: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """Corners of the triangles (3, t), and the triangles around every node with the first of each node."""
-    of_corner = triangles.T.ravel()
-    order = np.argsort(of_corner, kind="stable")
-    first = np.searchsorted(of_corner[order], np.arange(nodes + 1))
-    around_node = order % len(triangles)
-    return tuple(np.ascontiguousarray(v, np.int32) for v in (triangles.T, first, around_node))  # type: ignore[return-value]
-
-
-@cuda.jit(cache=True)
-def _node_normals(nodes, triangles, first, incident, normal):
-    """Sum the area vectors of the triangles around every node."""
-    i = cuda.grid(1)
-    if i >= normal.shape[1]:
-        return
-    sx = sy = sz = 0.0
-    for q in range(first[i], first[i + 1]):
-        t = incident[q]
-        a, b, c = triangles[0, t], triangles[1, t], triangles[2, t]
-        ax, ay, az = nodes[0, b] - nodes[0, a], nodes[1, b] - nodes[1, a], nodes[2, b] - nodes[2, a]
-        bx, by, bz = nodes[0, c] - nodes[0, a], nodes[1, c] - nodes[1, a], nodes[2, c] - nodes[2, a]
-        sx += 0.5 * (ay * bz - az * by)
-        sy += 0.5 * (az * bx - ax * bz)
-        sz += 0.5 * (ax * by - ay * bx)
-    normal[0, i] = sx
-    normal[1, i] = sy
-    normal[2, i] = sz
 
 
 @cuda.jit(cache=True)

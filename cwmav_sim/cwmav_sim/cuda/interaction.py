@@ -24,7 +24,7 @@ from cwmav_sim.sph.eos import Tait
 from cwmav_sim.sph.forces import LOAD_SIZE
 from cwmav_sim.sph.interaction import Interaction
 from cwmav_sim.sph.settings import FlowSettings
-from cwmav_sim.sph.sheet import Motion, Nodes
+from cwmav_sim.sph.sheet import Motion, Nodes, SheetLoad
 from cwmav_sim.sph.timers import Timers
 
 
@@ -189,6 +189,12 @@ class CardInteraction:
         )
         if reactions:
             self._react(walls)
+
+    def node_load(self, load: SheetLoad) -> None:
+        """Bring the reactions of the last pass to the nodes of a load on the card."""
+        if self._walls is None:
+            raise ValueError("there are no walls")
+        self._walls.node_load(self.reaction, load)
 
     def sum_loads(self, out: CardArray, at: int) -> None:
         """Bring the wall loads of the last pass, 11 a panel, to ``out`` from place ``at`` on."""

@@ -17,11 +17,16 @@ from cwmav_sim.cuda.starting import Starter, pack_array
 # thread of the operating system for each.
 THREADS = 16 if config.ENABLE_CUDASIM else 128
 
+# Threads of a block that works alone on what hangs together.
+MANY_THREADS = 16 if config.ENABLE_CUDASIM else 512
+
 # Threads that share the work of one particle where it is large: a warp.
 LANES = 4 if config.ENABLE_CUDASIM else 32
 
 # Running totals end in a single block, and small cases never fill a card.
 warnings.filterwarnings("ignore", message=".*Grid size .* under-utilization")
+
+_ALIGNED = 64  # bytes
 
 CardArray = Any  # an array in the memory of the card
 
@@ -36,17 +41,25 @@ def launch(kernel: Any, count: int, *args: Any) -> None:
     start_blocks(kernel, blocks(count), *args)
 
 
-def start_blocks(kernel: Any, count: int, *args: Any) -> None:
+def start_blocks(kernel: Any, count: int, *args: Any, threads: int = THREADS) -> None:
     """Run a kernel with so many blocks of threads."""
     if config.ENABLE_CUDASIM:
-        kernel[count, THREADS](*args)
+        kernel[count, threads](*(_plain(v) if isinstance(v, tuple) else v for v in args))
     else:
-        _starter(kernel)(count, *args)
+        _starter(kernel, threads)(count, *args)
+
+
+def _plain(value: Any) -> Any:
+    """Return the members of tuples as functions compiled for the processor take them."""
+    if isinstance(value, tuple):
+        members = [_plain(member) for member in value]
+        return type(value)(*members) if hasattr(value, "_fields") else tuple(members)
+    return getattr(value, "_ary", value)
 
 
 @cache
-def _starter(kernel: Any) -> Starter:
-    return Starter(kernel, THREADS)
+def _starter(kernel: Any, threads: int) -> Starter:
+    return Starter(kernel, threads)
 
 
 def empty(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> CardArray:
@@ -69,6 +82,41 @@ def _ready(array: CardArray) -> CardArray:
     if not config.ENABLE_CUDASIM:
         array.packed = pack_array(array)
     return array
+
+
+def reshaped(array: CardArray, *shape: int) -> CardArray:
+    """Return the same numbers on the card in another shape."""
+    return _ready(array.reshape(*shape))
+
+
+class Mail:
+    """Sends small arrays of many shapes to the card without waiting for it.
+
+    They lie in a ring of memory that the card can read by itself; whoever sends must wait for the card at
+    least once while the ring goes round.
+
+    Parameters
+    ----------
+    size : int
+        Bytes of the ring. What is larger than a sixteenth of it is sent while the host waits.
+    """
+
+    def __init__(self, size: int = 1 << 20) -> None:
+        self._ring, self._next = cuda.pinned_array(size, np.uint8), 0
+
+    def send(self, values: NDArray, target: CardArray) -> None:
+        """Copy ``values`` to an array on the card."""
+        size, room = values.nbytes, len(self._ring)
+        if not size:
+            return
+        if size > room // 16:
+            target.copy_to_device(values)
+            return
+        first = self._next if self._next + size <= room else 0
+        place = self._ring[first : first + size].view(values.dtype).reshape(values.shape)
+        place[...] = values
+        target.copy_to_device(place, stream=cuda.default_stream())
+        self._next = first + -(-size // _ALIGNED) * _ALIGNED
 
 
 class Post:
@@ -95,7 +143,7 @@ class Post:
 
 def clear(array: CardArray) -> None:
     """Set all of an array on the card to zero."""
-    flat = array.ravel()
+    flat = array if array.ndim == 1 else array.ravel()
     launch(_clear, flat.shape[0], flat)
 
 

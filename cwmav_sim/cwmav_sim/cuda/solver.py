@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The time loop on a graphics card, with the interface of ``cwmav_sim.solver``.
 
-Particles, their rates and their sides stay on the card. In every step the host sends the nodes of the walls
-and receives the number of particles that slipped through a wall, then about a hundred bytes: largest speed
-and acceleration, wall loads, fringe. Wings that move by themselves stay on the host; for them the forces on
-the wall elements come back too.
+Particles, their rates and their sides stay on the card. In every step the host receives the number of
+particles that slipped through a wall, then about a hundred bytes: largest speed and acceleration, wall loads,
+fringe. It sends the nodes of prescribed walls; flexible wings are computed on the card
+(:mod:`cwmav_sim.cuda.structure`), where the host only steers Newton's iterations.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from cwmav_common.errors import WorkError
 from cwmav_sim.cuda.air import CardAir
 from cwmav_sim.cuda.cells import floats
+from cwmav_sim.cuda.coupled import walls_of
 from cwmav_sim.cuda.crossing import Net
 from cwmav_sim.cuda.integrate import (
     ACCELERATION2,
@@ -39,7 +39,7 @@ from cwmav_sim.sph.crossing import Crossings
 from cwmav_sim.sph.forces import LOAD_SIZE
 from cwmav_sim.sph.rates import as_rates
 from cwmav_sim.sph.settings import FlowSettings
-from cwmav_sim.sph.sheet import Compliant, Motion, Nodes, SheetLoad
+from cwmav_sim.sph.sheet import Motion, Nodes
 from cwmav_sim.sph.surfaces import Sides
 from cwmav_sim.sph.timestep import stable_step
 
@@ -74,8 +74,7 @@ class CudaSolver(CardAir):
         highest_speed: float | None = None,
     ) -> None:
         super().__init__(settings, motion, airspeed, highest_speed)
-        self._motion = motion
-        self._wings: Compliant | None = motion if isinstance(motion, Compliant) else None
+        self._motion, self._walls = motion, walls_of(motion, self._interaction)
         count, panels, box = self._count, self._interaction.panels, settings.box
         self._middle = CardParticles.room(count)
         self._begin_sides, self._middle_sides = self._interaction.sides(), self._interaction.sides()
@@ -109,8 +108,9 @@ class CudaSolver(CardAir):
         WorkError
             When the flow blows up.
         """
-        dt, panels = self._dt, self._interaction.panels
+        dt, panels, walls = self._dt, self._interaction.panels, self._walls
         crossed = Crossings.none(panels)
+        compliant = walls is not None and walls.compliant
         with self.timers.phase("launch"):
             if self.steps % REORDER_EVERY == 0:
                 self._reorder()
@@ -118,12 +118,12 @@ class CudaSolver(CardAir):
             check = self._know_sides and panels > 0
             if check:
                 self._net.put_back(self._air.x, self._air.v, self._sides, self._begin_sides, self._mass, dt)
-        if self._wings is not None:
+        if compliant:
             if check:
                 crossed = self._caught(dt)
             self._foresee(dt)
         nodes = self._middle_rates(dt)
-        if self._wings is None and check:
+        if not compliant and check:
             # Almost always nothing was caught, so the card need not wait for the host to know.
             crossed = self._caught(dt)
             if crossed.count.any():
@@ -135,9 +135,9 @@ class CudaSolver(CardAir):
         self._sides, self._begin_sides = self._begin_sides, self._sides
         self._know_sides = True
         self._dt = self._next_step(summary, nodes)
-        if self._wings is not None and nodes is not None:
+        if walls is not None and nodes is not None:
             with self.timers.phase("structure"):
-                self._wings.accept(self.time + dt, self._sheet_load(nodes, crossed, dt))
+                walls.accept(self.time + dt, nodes, crossed, dt)
         return self._account(summary, crossed, dt)
 
     def _account(self, summary: FloatArray, crossed: Crossings, dt: float) -> StepInfo:
@@ -183,8 +183,14 @@ class CudaSolver(CardAir):
         self._sides, self._begin_sides = self._begin_sides, self._sides
 
     def _begin_rates(self) -> None:
-        nodes, wanted = self._nodes(self.time), self._wings is not None
-        self._interaction.rates(self._air, nodes, self._begin_sides, shifting=False, reactions=wanted)
+        nodes = self._nodes(self.time)
+        self._interaction.rates(
+            self._air, nodes, self._begin_sides, shifting=False, reactions=self._reactions
+        )
+
+    @property
+    def _reactions(self) -> bool:
+        return self._walls is not None and self._walls.compliant
 
     def _caught(self, dt: float) -> Crossings:
         """Return what slipped through a wall in the step before; if anything did, find the rates anew."""
@@ -201,26 +207,15 @@ class CudaSolver(CardAir):
             self._predict(dt)
             nodes = self._nodes(self.time + 0.5 * dt)
             self._interaction.rates(
-                self._middle, nodes, self._middle_sides, shifting=True, reactions=self._wings is not None
+                self._middle, nodes, self._middle_sides, shifting=True, reactions=self._reactions
             )
         return nodes
 
     def _foresee(self, dt: float) -> None:
         nodes = self._nodes(self.time)
-        if self._wings is not None and nodes is not None:
+        if self._walls is not None and nodes is not None:
             with self.timers.phase("structure"):
-                self._wings.foresee(self.time + dt, self._sheet_load(nodes))
-
-    def _sheet_load(self, nodes: Nodes, crossed: Crossings | None = None, dt: float = 1.0) -> SheetLoad:
-        rates = as_rates(
-            np.zeros((0, 3)),
-            np.zeros(0),
-            np.zeros((0, 3)),
-            np.zeros((0, LOAD_SIZE)),
-            Sides.empty(0, 0, self._interaction.host.dtype),
-        )
-        rates = replace(rates, reaction=self._interaction.reaction.copy_to_host())
-        return self._interaction.host.sheet_load(rates, nodes, crossed, dt)
+                self._walls.foresee(self.time + dt, nodes)
 
     def _predict(self, dt: float) -> None:
         air, middle, rates = self._air, self._middle, self._interaction
@@ -269,8 +264,8 @@ class CudaSolver(CardAir):
             raise WorkError(
                 f"the air became undefined at t = {self.time:.6g} s, step {self.steps}, dt = {self._dt:.3g} s"
             )
-        if nodes is not None:
-            speed = max(speed, math.sqrt(float(np.max(np.einsum("ij,ij->i", nodes.v, nodes.v)))))
+        if self._walls is not None and nodes is not None:
+            speed = max(speed, self._walls.fastest(nodes))
         acceleration = math.sqrt(max(summary[_BEGIN_ACCELERATION2], summary[_CORRECTION + ACCELERATION2]))
         signal = max(self.sound_speed, speed / self._settings.fluid.mach_limit)
         cfl, viscosity = self._settings.resolution.cfl, self._settings.fluid.viscosity
@@ -278,8 +273,8 @@ class CudaSolver(CardAir):
 
     @property
     def sheet(self) -> Nodes | None:
-        """Nodes of the walls at the time reached; None without walls."""
-        return self._nodes(self.time)
+        """Nodes of the walls at the time reached, on the host; None without walls."""
+        return None if self._motion is None else self._motion.state(self.time)
 
     def _nodes(self, t: float) -> Nodes | None:
-        return None if self._motion is None else self._motion.state(t)
+        return None if self._walls is None else self._walls.nodes(t)

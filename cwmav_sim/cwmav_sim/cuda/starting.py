@@ -64,8 +64,9 @@ def _pack(value: Any) -> Packed:
     if packed is not None:
         return packed  # type: ignore[no-any-return]
     kind = type(value)
-    if kind is tuple:
-        return _pack_tuple(value, tuple(map(type, value)))
+    if isinstance(value, tuple):
+        kinds = tuple(map(type, value))
+        return _pack_numbers(value, (kind, *kinds)) if _SCALARS.keys() >= set(kinds) else _pack_members(value)
     scalar = _SCALARS.get(kind)
     if scalar is None:
         return pack_array(value)
@@ -74,11 +75,15 @@ def _pack(value: Any) -> Packed:
 
 
 @cache
-def _pack_tuple(values: tuple[Any, ...], kinds: tuple[type, ...]) -> Packed:
-    """Return the parameters of a tuple; there are few, all of them constants of a solver."""
+def _pack_numbers(values: tuple[Any, ...], kinds: tuple[type, ...]) -> Packed:
+    """Return the parameters of a tuple of numbers; there are few, all of them constants of a solver."""
+    return _pack_members(values)
+
+
+def _pack_members(values: tuple[Any, ...]) -> Packed:
     members = [_pack(value) for value in values]
     addresses = tuple(chain.from_iterable(member.addresses for member in members))
-    return Packed(kinds, addresses, members)
+    return Packed((type(values), *(member.kind for member in members)), addresses, members)
 
 
 class Starter:

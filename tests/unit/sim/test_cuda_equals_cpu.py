@@ -1,42 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kernels for the graphics card against the processor, in numba's simulator of a card."""
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
-from cwmav_sim.cuda.device import find_card
 from support import cuda_cases
+from support.cuda_process import assert_within, run, skip_without_card
 
 ROUNDING = 1e-11  # pairs in double precision: the order of the sums is all that differs
 EXACT = 0.0
-TESTS = Path(__file__).parents[2]
-
-
-def run(module, *arguments):
-    path = os.pathsep.join([str(TESTS), *(p for p in sys.path if p)])
-    answer = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr[-3000:]
-    return answer
 
 
 def check(*arguments):
-    return json.loads(run("support.cuda_checks", *arguments).stdout)
-
-
-def assert_within(differences, allowed):
-    beyond = {name: value for name, value in differences.items() if not value <= allowed}
-    assert not beyond
+    return run("support.cuda_checks", *arguments)
 
 
 CASES = [
@@ -62,29 +37,27 @@ def test_the_card_finds_what_the_processor_finds(name, allowed):
 @pytest.mark.cuda
 @pytest.mark.parametrize(("name", "allowed"), CASES)
 def test_a_real_card_finds_what_the_processor_finds(name, allowed):
-    if not find_card().usable:
-        pytest.skip(find_card().missing)
+    skip_without_card()
     assert_within(check(name), allowed)
 
 
 @pytest.mark.cuda
 @pytest.mark.parametrize("name", cuda_cases.cases())
 def test_a_real_card_begins_a_verification_case_like_the_processor(name):
-    if not find_card().usable:
-        pytest.skip(find_card().missing)
-    found = json.loads(run("support.cuda_cases", name).stdout)
+    skip_without_card()
+    found = run("support.cuda_cases", name)
     del found["particles"]
     assert_within(found, 1e-8)
 
 
 def test_comparing_a_verification_case_with_itself_finds_no_difference():
-    found = json.loads(run("support.cuda_cases", "taylor-green", "--host").stdout)
+    found = run("support.cuda_cases", "taylor-green", "--host")
     assert found.pop("particles") > 1000
     assert_within(found, EXACT)
 
 
 def test_every_kernel_compiles_for_a_card_as_far_as_that_goes_without_one():
     pytest.importorskip("numba_cuda")
-    kernels = json.loads(run("support.cuda_types").stdout)
+    kernels = run("support.cuda_types")
     assert {"fluid_pass", "wall_pass", "reaction_pass", "predict", "correct", "_put_back"} <= set(kernels)
     assert kernels.count("fluid_pass") == 2  # with and without walls

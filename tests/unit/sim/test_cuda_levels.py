@@ -1,67 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The factors of the structure on the card against the processor's, in numba's simulator of a card."""
-
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
+"""What the card works on at the same time when it factorises: all of it once, and after what it needs."""
 
 import numpy as np
-import pytest
 
-from cwmav_sim.cuda.device import find_card
 from cwmav_sim.cuda.levels import Work, plan
-
-ROUNDING = 1e-11
-EXACT = 0.0
-TESTS = Path(__file__).parents[2]
-CASES = [
-    ("factors", ROUNDING),
-    (
-        "structure",
-        1e-8,
-    ),  # what rounding in one tangent leaves of the solution for a film that is easy to bend
-    ("failures", EXACT),
-    ("repeated", EXACT),
-]
-
-
-def run(module, *arguments):
-    path = os.pathsep.join([str(TESTS), *(p for p in sys.path if p)])
-    answer = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr[-3000:]
-    return json.loads(answer.stdout)
-
-
-def assert_within(differences, allowed):
-    beyond = {name: value for name, value in differences.items() if not value <= allowed}
-    assert not beyond
-
-
-@pytest.mark.parametrize(("name", "allowed"), CASES)
-def test_the_card_finds_what_the_processor_finds(name, allowed):
-    assert_within(run("support.cuda_structure_checks", name, "--simulate"), allowed)
-
-
-@pytest.mark.cuda
-@pytest.mark.parametrize(("name", "allowed"), CASES)
-def test_a_real_card_finds_what_the_processor_finds(name, allowed):
-    if not find_card().usable:
-        pytest.skip(find_card().missing)
-    assert_within(run("support.cuda_structure_checks", name), allowed)
-
-
-def test_every_kernel_compiles_for_a_card_as_far_as_that_goes_without_one():
-    pytest.importorskip("numba_cuda")
-    kernels = run("support.cuda_types", "structure")
-    assert kernels == ["_factorise", "_fill", "_solve_down", "_solve_up"]
 
 
 def walked(work):
