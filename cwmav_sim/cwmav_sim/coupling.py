@@ -121,6 +121,11 @@ class CoupledWings:
         rest = _Acceleration(np.zeros((structure.system.rows, 3)), np.zeros_like(self._now.x))
         self._foreseen = self._owed = self._shown = rest
 
+    @property
+    def portable(self) -> bool:
+        """Whether the wings can be computed in another place."""
+        return self.structure.portable
+
     def bring(self, arithmetic: Arithmetic) -> None:
         """Go on in the place of an arithmetic: loads are taken from there, and :meth:`nodes` lie there.
 

@@ -22,8 +22,13 @@ from cwmav_sim.wing.sheet import SheetState
 
 
 @runtime_checkable
-class Portable(Motion, Compliant, Protocol):
-    """Sheets that the air moves, whose structure can be brought to the card."""
+class Movable(Motion, Compliant, Protocol):
+    """Sheets that the air moves, whose structure may be brought to the card."""
+
+    @property
+    def portable(self) -> bool:
+        """Whether all of it can."""
+        ...
 
     def bring(self, arithmetic: Arithmetic) -> None:
         """Go on in the place of an arithmetic: loads are taken from there, and :meth:`nodes` lie there."""
@@ -83,7 +88,7 @@ class Walls:
 class CardWings(Walls):
     """Flexible wings computed on the card; see :class:`Walls` for the parameters."""
 
-    def __init__(self, motion: Portable, interaction: CardInteraction) -> None:
+    def __init__(self, motion: Movable, interaction: CardInteraction) -> None:
         super().__init__(motion, interaction)
         self._wings, self._card = motion, CardArithmetic()
         motion.bring(self._card)
@@ -113,4 +118,6 @@ def walls_of(motion: Motion | None, interaction: CardInteraction) -> Walls | Non
     """Return the walls of a motion, on the card where their structure can be brought there."""
     if motion is None:
         return None
-    return CardWings(motion, interaction) if isinstance(motion, Portable) else Walls(motion, interaction)
+    if isinstance(motion, Movable) and motion.portable:
+        return CardWings(motion, interaction)
+    return Walls(motion, interaction)

@@ -90,15 +90,15 @@ def reshaped(array: CardArray, *shape: int) -> CardArray:
 
 
 class Mail:
-    """Sends small arrays of many shapes to the card without waiting for it.
+    """Sends small arrays to the card without waiting for it.
 
-    They lie in a ring of memory that the card can read by itself; whoever sends must wait for the card at
-    least once while the ring goes round.
+    They lie in a ring of memory that the card can read by itself. When it has gone round, the card must have
+    taken what lies there.
 
     Parameters
     ----------
     size : int
-        Bytes of the ring. What is larger than a sixteenth of it is sent while the host waits.
+        Bytes of the ring. What is larger than half of it is sent while the host waits.
     """
 
     def __init__(self, size: int = 1 << 20) -> None:
@@ -109,36 +109,16 @@ class Mail:
         size, room = values.nbytes, len(self._ring)
         if not size:
             return
-        if size > room // 16:
+        if size > room // 2:
             target.copy_to_device(values)
             return
-        first = self._next if self._next + size <= room else 0
-        place = self._ring[first : first + size].view(values.dtype).reshape(values.shape)
+        if self._next + size > room:
+            cuda.synchronize()
+            self._next = 0
+        place = self._ring[self._next : self._next + size].view(values.dtype).reshape(values.shape)
         place[...] = values
         target.copy_to_device(place, stream=cuda.default_stream())
-        self._next = first + -(-size // _ALIGNED) * _ALIGNED
-
-
-class Post:
-    """Sends small arrays to the card without waiting for it.
-
-    Two buffers that the card can read by itself take turns; whoever sends must have waited for the card
-    between the first and the third time.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Of the arrays.
-    """
-
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self._buffers = [cuda.pinned_array(shape, np.float64) for _ in range(2)]
-
-    def send(self, values: NDArray[np.float64], target: CardArray) -> None:
-        """Copy ``values`` to an array on the card."""
-        self._buffers.reverse()
-        self._buffers[0][...] = values
-        target.copy_to_device(self._buffers[0], stream=cuda.default_stream())
+        self._next += -(-size // _ALIGNED) * _ALIGNED
 
 
 def clear(array: CardArray) -> None:

@@ -7,8 +7,9 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
-from cwmav_sim.cuda.launch import CardArray, Post, empty, launch, upload
+from cwmav_sim.cuda.launch import CardArray, Mail, empty, launch, upload
 from cwmav_sim.sph.sheet import Nodes, SheetLoad
+from cwmav_sim.wing.sparsity import gathering
 
 
 class CardNodes:
@@ -39,18 +40,18 @@ class CardNodes:
         count: int,
     ) -> None:
         self._count = count
-        first, order = _by_node(triangles, count)
-        self._around = [upload(v.astype(np.int32)) for v in (triangles.T, first, order // 3)]
-        first, order = _by_node(corners.T, count)
-        self._elements = [upload(v.astype(np.int32)) for v in (first, order // 3)]
-        self._shares = upload(weights.T.ravel()[order])
-        self.rows, self.normal, self._post = empty((9, count)), empty((3, count)), Post((9, count))
+        first, corner = gathering(triangles.ravel(), count)
+        self._around = [upload(v.astype(np.int32)) for v in (triangles.T, first, corner // 3)]
+        first, corner = gathering(corners.T.ravel(), count)
+        self._elements = [upload(v) for v in (first, corner // 3)]
+        self._shares = upload(weights.T.ravel()[corner])
+        self.rows, self.normal, self._mail = empty((9, count)), empty((3, count)), Mail()
 
     def take(self, nodes: Nodes) -> None:
         """Take a state of the nodes, whose arrays lie on the host or on the card, and find its normals."""
         x: object = nodes.x
         if isinstance(x, np.ndarray):
-            self._post.send(np.hstack([nodes.x, nodes.v, nodes.a]).T, self.rows)
+            self._mail.send(np.hstack([nodes.x, nodes.v, nodes.a]).T, self.rows)
         else:
             launch(_take, self._count, nodes.x, nodes.v, nodes.a, self.rows)
         launch(_normals, self._count, self.rows, *self._around, self.normal)
@@ -58,13 +59,6 @@ class CardNodes:
     def load(self, reaction: CardArray, load: SheetLoad) -> None:
         """Bring reactions (4, m) of the elements, by number, to the nodes of a load on the card."""
         launch(_load, self._count, reaction, *self._elements, self._shares, load.force, load.carried)
-
-
-def _by_node(corners: NDArray[np.int64], nodes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return corners (m, 3), counted through, in the order of their nodes, and the first of every node."""
-    of_corner = corners.ravel()
-    order = np.argsort(of_corner, kind="stable")
-    return np.searchsorted(of_corner[order], np.arange(nodes + 1)), order
 
 
 @cuda.jit(cache=True)

@@ -135,7 +135,7 @@ class CudaSolver(CardAir):
         self._sides, self._begin_sides = self._begin_sides, self._sides
         self._know_sides = True
         self._dt = self._next_step(summary, nodes)
-        if walls is not None and nodes is not None:
+        if compliant and walls is not None and nodes is not None:
             with self.timers.phase("structure"):
                 walls.accept(self.time + dt, nodes, crossed, dt)
         return self._account(summary, crossed, dt)

@@ -10,6 +10,7 @@ in the order in which it was started.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import FunctionType
@@ -26,7 +27,14 @@ from cwmav_sim.wing.arithmetic import Loop
 from cwmav_sim.wing.block_lu import BlockLU
 
 _FIELDS = 4  # whose largest values are asked for at once, at most
-_OWN = 3  # references to an array that nobody holds: its list, the loop over that, and the question
+
+
+def _references(items: Sequence[Any]) -> list[int]:
+    """Count who refers to each item, the sequence and the question included."""
+    return [sys.getrefcount(item) for item in items]
+
+
+_UNHELD = _references([object()])[0]  # of an item that only a sequence holds
 
 
 def _item(count, args):
@@ -44,7 +52,7 @@ def kernel_of(loop: Loop) -> Any:
     """
     name = loop.__name__
     function = FunctionType(_item.__code__.replace(co_name=name), {**globals(), "loop": loop}, name)
-    function.__qualname__ = name
+    function.__qualname__ = f"{loop.__module__}.{name}"
     return cuda.jit(cache=True)(function)
 
 
@@ -64,7 +72,6 @@ class CardArithmetic:
 
     def __init__(self) -> None:
         self._pool: dict[tuple[tuple[int, ...], np.dtype], list[CardArray]] = {}
-        self._rows: dict[int, CardArray] = {}
         self._mail = Mail()
         self._found = empty(_FIELDS)
         self._lu: tuple[BlockLU, CardLU] | None = None
@@ -75,9 +82,9 @@ class CardArithmetic:
 
     def _room(self, shape: tuple[int, ...], dtype: np.dtype) -> CardArray:
         pool = self._pool.setdefault((shape, dtype), [])
-        for array in pool:
-            if sys.getrefcount(array) == _OWN:
-                return array
+        for number, references in enumerate(_references(pool)):
+            if references == _UNHELD:
+                return pool[number]
         pool.append(empty(shape, dtype))
         return pool[-1]
 
@@ -101,9 +108,10 @@ class CardArithmetic:
         """Return the same numbers in one row; the array itself must be held as long as the row is used."""
         if values.ndim == 1:
             return values
-        if id(values) not in self._rows:
-            self._rows[id(values)] = reshaped(values, values.size)
-        return self._rows[id(values)]
+        row = vars(values).get("row")
+        if row is None:
+            row = values.row = reshaped(values, values.size)
+        return row
 
     def run(self, loop: Loop, count: int, *args: Any) -> None:
         """Start a loop for the items 0 to ``count - 1``."""

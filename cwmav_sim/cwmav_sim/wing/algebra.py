@@ -50,14 +50,6 @@ def put(a: FloatArray, i: int, vector: Vector) -> None:
 
 
 @inlined
-def put_sum(a: FloatArray, i: int, vector: Vector) -> None:
-    """Add a vector to row ``i`` of a field (n, 3)."""
-    a[i, 0] += vector[0]
-    a[i, 1] += vector[1]
-    a[i, 2] += vector[2]
-
-
-@inlined
 def matrix(a: FloatArray, i: int) -> Matrix:
     """Return matrix ``i`` of a stack (n, 3, 3)."""
     return (

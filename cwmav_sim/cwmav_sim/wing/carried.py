@@ -44,7 +44,7 @@ class Carried:
 
 
 class CarriedAir:
-    """Tangent of that load, as an element that resists nothing by itself.
+    """That load, and its tangent.
 
     Parameters
     ----------
@@ -84,24 +84,12 @@ class CarriedAir:
                 take_resistance, len(self._dofs), self._blocks, self._rows, c, self._foreseen, load
             )
 
-    def forces(self, c: Configuration) -> FloatArray:
-        """Return zero: the force is a load."""
-        return self._arithmetic.zeros(*self._dofs.shape)
-
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return the derivative of the load, shape (m, d, d)."""
         out, flat = self._arithmetic.empty(*self._dofs.shape, self._dofs.shape[1]), self._arithmetic.flat
         values = flat(self._blocks)
         self._arithmetic.run(scaled, len(values), rate, values, flat(out))
         return out
-
-    def energy(self, c: Configuration) -> float:
-        """Return zero."""
-        return 0.0
-
-    def dissipation(self, c: Configuration) -> float:
-        """Return zero."""
-        return 0.0
 
 
 def node_blocks(count: int) -> IntArray:

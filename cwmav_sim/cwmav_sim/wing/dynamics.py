@@ -30,7 +30,7 @@ from cwmav_sim.wing.motion_loops import (
     kinetic_energies,
     unbalanced,
 )
-from cwmav_sim.wing.parts import Configuration, Element, Inertia, Portable
+from cwmav_sim.wing.parts import Configuration, Element, Inertia, Portable, Stiff
 from cwmav_sim.wing.sheet import FloatArray, IntArray
 from cwmav_sim.wing.sparsity import Gathering, Pattern, add_all, gathering
 
@@ -122,8 +122,13 @@ class System:
         self._tangents: list[Gathering] = self._pattern.gatherings
 
     @property
-    def _with_tangent(self) -> tuple[Element, ...]:
+    def _with_tangent(self) -> tuple[Stiff, ...]:
         return self.elements if self.carried is None else (*self.elements, self.carried)
+
+    @property
+    def portable(self) -> bool:
+        """Whether all elements can work with arrays in another place."""
+        return all(isinstance(element, Portable) for element in self.elements)
 
     def brought(self, arithmetic: Arithmetic) -> System:
         """Return the same system with its arrays in the place of an arithmetic.

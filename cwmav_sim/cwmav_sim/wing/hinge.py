@@ -110,7 +110,7 @@ class Held:
 
 
 class HingedRoot:
-    """Drive of flapping wings; implements :class:`cwmav_sim.wing.dynamics.Drive`.
+    """Drive of flapping wings; implements :class:`cwmav_sim.wing.drive.Drive`.
 
     Parameters
     ----------

@@ -22,24 +22,14 @@ import numpy as np
 
 from cwmav_common.errors import WorkError
 from cwmav_common.settings import setting
-from cwmav_sim.wing.account import account
-from cwmav_sim.wing.arithmetic import brought_tuple
 from cwmav_sim.wing.carried_factors import CarriedFactors
-from cwmav_sim.wing.drive import Carrier, Driven
 from cwmav_sim.wing.dynamics import Load, System
 from cwmav_sim.wing.load_loops import between
 from cwmav_sim.wing.motion import Counters, Energies, Motion
 from cwmav_sim.wing.parts import Configuration
 from cwmav_sim.wing.sheet import FloatArray
-from cwmav_sim.wing.step_loops import (
-    Averages,
-    averaged,
-    corrected,
-    held,
-    held_acceleration,
-    predicted,
-    straightened_turns,
-)
+from cwmav_sim.wing.step_loops import Averages
+from cwmav_sim.wing.trial import Trial, hold, hold_acceleration
 
 
 @dataclass(frozen=True)
@@ -56,15 +46,6 @@ class Integration:
     slowest_contraction: float = setting(
         0.3, "residual ratio of two iterations above which the tangent is built anew", gt=0, lt=1
     )
-
-
-@dataclass(frozen=True)
-class _State:
-    """End of a step while Newton looks for it; the arrays change in place."""
-
-    c: Configuration
-    acceleration: FloatArray  # true
-    moved: FloatArray  # displacements and rotation vectors since the begin
 
 
 class _NotConvergedError(Exception):
@@ -157,11 +138,11 @@ class Integrator:
     def _begin(self, c: Configuration, time: float, load: Load) -> Motion:
         s = self.system
         driven, carrier = s.drive.at(time), s.drive.carrier(time)
-        self._hold(c, driven)
+        hold(s, c, driven)
         force, internal, zero = load(c), s.internal(c), s.arithmetic.zeros(s.rows, 3)
         missing = s.unbalanced(s.places.every, c, carrier, s.inertial(c, zero), internal, force)
         acceleration = s.solve_inertia(c, -missing)
-        self._hold_acceleration(acceleration, driven)
+        hold_acceleration(s, acceleration, driven)
         reaction = s.unbalanced(s.places.held, c, carrier, s.inertial(c, acceleration), internal, force)
         stored = s.kinetic(c), s.elastic(c)
         energies = Energies(stored[0], stored[1], 0.0, 0.0, 0.0, 0.0, sum(stored))
@@ -170,7 +151,8 @@ class Integrator:
     def _divide(self, target: float, load: Load, halvings: int, accounted: bool) -> None:
         """One step to ``target``, halved until it converges."""
         try:
-            self.motion = self._step(target, load, accounted)
+            with np.errstate(all="ignore"):  # an iterate that runs away is found by its residual
+                self.motion = self._step(target, load, accounted)
         except _NotConvergedError:
             if halvings == 0:
                 raise WorkError(
@@ -184,127 +166,40 @@ class Integrator:
             self._divide(target, load, halvings - 1, accounted)
 
     def _step(self, target: float, load: Load, accounted: bool) -> Motion:
-        s, old = self.system, self.motion
-        h = target - old.time
-        driven = brought_tuple(s.arithmetic, s.drive.at(target))
-        carrier = s.drive.carrier(target)
-        state = self._predicted(old, carrier, h)
-        self._hold(state.c, driven)
-        self._hold_acceleration(state.acceleration, driven)
+        s = self.system
+        trial = Trial(s, self._averages, self.motion, target)
         before, fresh = np.inf, False
         for iteration in range(self.settings.iterations + 1):
-            c = state.c
-            force, internal = load(c), s.internal(c)
-            inertial = s.inertial(c, state.acceleration)
-            free = s.unbalanced(s.places.free, c, carrier, inertial, internal, force)
-            size, *scales = s.arithmetic.largest(free, internal, inertial, force)
+            forces = trial.forces(load)
+            free = trial.unbalanced(s.places.free, forces)
+            size, *scales = s.arithmetic.largest(free, *forces)
             if not np.isfinite(size):
                 raise _NotConvergedError
             if size <= max(self.settings.tolerance * max(scales), self._floor):
-                reaction = s.unbalanced(s.places.held, c, carrier, inertial, internal, force)
-                return self._finish(target, state, force, reaction, driven, accounted)
+                self.counters.steps += 1
+                return trial.finished(forces, accounted)
             if iteration == self.settings.iterations:
                 raise _NotConvergedError
             slow = size > self.settings.slowest_contraction * before and not fresh
             factor, fresh = self._factor, False
-            if factor is None or factor.stale(h) or slow:
-                factor = self._factor = self._factorised(c, carrier, h)
+            if factor is None or factor.stale(trial.step) or slow:
+                factor = self._factor = self._factorised(trial)
                 fresh = True
             before = size
             self.counters.iterations += 1
-            self._correct(old, state, factor.solve(free, carrier), h)
+            trial.correct(factor.solve(free, trial.carrier))
         raise _NotConvergedError
 
-    def _rates(self, h: float) -> tuple[float, float]:
-        """Return the changes of velocity and of true acceleration per displacement at the end of a step."""
-        am, af, beta, gamma = self._averages
-        return gamma / (h * beta), (1.0 - am) / (h * h * beta * (1.0 - af))
-
-    def _predicted(self, old: Motion, carrier: Carrier, h: float) -> _State:
-        """Guess the new state: everything travels rigidly with its carrier frame.
-
-        A guess from the old accelerations would be nearer for smooth motion, but it strains stiff rods and
-        film by their smallest vibration; this one leaves all strains as they are, and the first Newton step
-        is then the exact linear response.
-        """
-        s, before = self.system, self.system.drive.carrier(old.time).axes
-        swing = s.arithmetic.brought(carrier.axes @ np.swapaxes(before, 1, 2))
-        state = _State(s.room(), s.arithmetic.empty(s.rows, 3), s.arithmetic.empty(s.rows, 3))
-        s.arithmetic.run(
-            predicted,
-            s.rows,
-            h,
-            self._averages,
-            old.configuration,
-            old.acceleration,
-            old.auxiliary,
-            swing,
-            s.places.group,
-            state.c,
-            state.acceleration,
-            state.moved,
-        )
-        return state
-
-    def _correct(self, old: Motion, state: _State, solution: FloatArray, h: float) -> None:
-        s = self.system
-        s.arithmetic.run(
-            corrected,
-            len(s.free_rows),
-            s.places.free,
-            solution,
-            *self._rates(h),
-            old.configuration,
-            state.c,
-            state.acceleration,
-            state.moved,
-        )
-
-    def _hold(self, c: Configuration, driven: Driven) -> None:
-        s = self.system
-        s.arithmetic.run(held, len(s.held_rows), s.places.nodes, s.places.bodies, driven, c)
-
-    def _hold_acceleration(self, acceleration: FloatArray, driven: Driven) -> None:
-        s = self.system
-        s.arithmetic.run(held_acceleration, len(s.held_rows), s.places.held, driven, acceleration)
-
-    def _factorised(self, c: Configuration, carrier: Carrier, h: float) -> CarriedFactors:
-        rate, ratio = self._rates(h)
+    def _factorised(self, trial: Trial) -> CarriedFactors:
+        self._factor = None  # only the newest factors of a system are kept
+        rate, ratio = trial.rates
         begin = self.motion.configuration
         try:
-            factors = self.system.factors(c, rate=rate, mass_factor=ratio, stressed=begin)
+            factors = self.system.factors(trial.c, rate=rate, mass_factor=ratio, stressed=begin)
         except RuntimeError:
             raise _NotConvergedError from None
         self.counters.factorisations += 1
-        return CarriedFactors(factors, self.system, carrier, h)
-
-    def _finish(
-        self,
-        target: float,
-        state: _State,
-        force: FloatArray,
-        reaction: FloatArray,
-        driven: Driven,
-        accounted: bool,
-    ) -> Motion:
-        s, old = self.system, self.motion
-        s.arithmetic.run(straightened_turns, s.bodies, state.c.turn)
-        auxiliary = s.arithmetic.empty(s.rows, 3)
-        s.arithmetic.run(
-            averaged,
-            s.rows,
-            self._averages,
-            old.acceleration,
-            old.auxiliary,
-            state.acceleration,
-            auxiliary,
-        )
-        self._hold_acceleration(auxiliary, driven)
-        self.counters.steps += 1
-        energies = old.energies
-        if accounted:
-            energies = account(s, old, target, state.c, state.moved, force, reaction)
-        return Motion(target, state.c, state.acceleration, auxiliary, force, reaction, energies)
+        return CarriedFactors(factors, self.system, trial.carrier, trial.step)
 
     def _blend(self, first: FloatArray, load: Load, share: float) -> Load:
         """Load at a share of the way from ``first`` to ``load``."""

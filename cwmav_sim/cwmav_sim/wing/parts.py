@@ -34,20 +34,27 @@ class Configuration(NamedTuple):
         return np.concatenate([self.v, self.spin])
 
 
-class Element(Protocol):
-    """A family of like elements; ``dofs`` are scalar numbers ``3 row + axis`` of shape (m, d)."""
+class Stiff(Protocol):
+    """A family of like things with a tangent.
+
+    ``dofs`` are numbers ``3 row + axis`` of scalar unknowns, shape (m, d).
+    """
 
     @property
     def dofs(self) -> IntArray:
-        """Scalar unknowns of each element."""
-        ...
-
-    def forces(self, c: Configuration) -> FloatArray:
-        """Return the resisting forces and moments, elastic and viscous: m times d numbers."""
+        """Scalar unknowns of each, on the host."""
         ...
 
     def tangent(self, c: Configuration, rate: float, stressed: Configuration) -> FloatArray:
         """Return d(forces)/dq + rate d(forces)/dv at ``c`` with the stresses of ``stressed``: m (d, d)."""
+        ...
+
+
+class Element(Stiff, Protocol):
+    """A family of like elements."""
+
+    def forces(self, c: Configuration) -> FloatArray:
+        """Return the resisting forces and moments, elastic and viscous: m times d numbers."""
         ...
 
     def energy(self, c: Configuration) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finite rotations of many bodies at once: exponential, logarithm and cross-product matrices.
+"""Finite rotations of many bodies at once: exponential, compounds and cross-product matrices.
 
 All functions work on the last axes, so one call serves every node of a wing. The formulas for one body are in
 :mod:`cwmav_sim.wing.algebra`.
@@ -12,13 +12,10 @@ import numpy as np
 from cwmav_sim.wing.algebra import (
     compiled,
     joined,
-    matrix,
     put,
     put_matrix,
     rotation_by,
     row,
-    straightened,
-    vector_of,
 )
 from cwmav_sim.wing.sheet import FloatArray
 
@@ -56,27 +53,13 @@ def exponential(vector: FloatArray) -> FloatArray:
     return _exponentials(_rows(vector)).reshape(*vector.shape, 3)
 
 
-def logarithm(rotation: FloatArray) -> FloatArray:
-    """Return the rotation vector of ``rotation``, for angles below pi, shape (..., 3)."""
-    return _logarithms(_stack(rotation)).reshape(rotation.shape[:-1])
-
-
 def compounded(vector: FloatArray, change: FloatArray) -> FloatArray:
     """Return the rotation vector of ``exp(change) exp(vector)`` to first order in ``change``."""
     return _compounds(_rows(vector), _rows(change)).reshape(vector.shape)
 
 
-def orthonormal(rotation: FloatArray) -> FloatArray:
-    """Return ``rotation`` with rounding drift removed."""
-    return _orthonormals(_stack(rotation)).reshape(rotation.shape)
-
-
 def _rows(a: FloatArray) -> FloatArray:
     return np.ascontiguousarray(a, dtype=np.float64).reshape(-1, 3)
-
-
-def _stack(a: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(a, dtype=np.float64).reshape(-1, 3, 3)
 
 
 @compiled
@@ -88,24 +71,8 @@ def _exponentials(vectors: FloatArray) -> FloatArray:
 
 
 @compiled
-def _logarithms(rotations: FloatArray) -> FloatArray:
-    out = np.empty((len(rotations), 3))
-    for i in range(len(rotations)):
-        put(out, i, vector_of(matrix(rotations, i)))
-    return out
-
-
-@compiled
 def _compounds(vectors: FloatArray, changes: FloatArray) -> FloatArray:
     out = np.empty((len(vectors), 3))
     for i in range(len(vectors)):
         put(out, i, joined(row(vectors, i), row(changes, i)))
-    return out
-
-
-@compiled
-def _orthonormals(rotations: FloatArray) -> FloatArray:
-    out = np.empty((len(rotations), 3, 3))
-    for i in range(len(rotations)):
-        put_matrix(out, i, straightened(matrix(rotations, i)))
     return out

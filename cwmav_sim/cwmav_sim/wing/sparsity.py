@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cwmav_sim.wing.arithmetic import HOST, Arithmetic
+from cwmav_sim.wing.arithmetic import Arithmetic
 from cwmav_sim.wing.block_lu import BlockLU
 from cwmav_sim.wing.motion_loops import add_gathered
 from cwmav_sim.wing.sheet import FloatArray, IntArray
@@ -79,17 +79,11 @@ class Pattern:
         """Number of stored entries."""
         return len(self._indices)
 
-    def assemble(self, values: Sequence[FloatArray]) -> sp.csc_matrix:
-        """Sum the blocks (m, d, d) of every family."""
-        stored = np.zeros(self.entries)
-        add_all(HOST, self.gatherings, values, stored)
-        return self.matrix(stored)
-
     def matrix(self, stored: NDArray[Any]) -> sp.csc_matrix:
         """Return the matrix with these stored entries."""
         return sp.csc_matrix((stored, self._indices, self._starts), shape=(self.size, self.size))
 
     @cached_property
     def lu(self) -> BlockLU:
-        """Places of the factors of what :meth:`assemble` returns."""
+        """Places of the factors of what :meth:`matrix` returns."""
         return BlockLU(self.matrix(np.zeros(self.entries)))

@@ -126,6 +126,11 @@ class FlexibleWings:
                 raise TypeError(f"{type(sheet).__name__} cannot take impacts, which contact needs")
             self.impacts = Impacts(contact, system, sheet, triangles, panel, panel_names, self.state().x)
 
+    @property
+    def portable(self) -> bool:
+        """Whether the structure can be brought to another place."""
+        return self.system.portable and isinstance(self.sheet, PortableMap)
+
     def bring(self, arithmetic: Arithmetic) -> None:
         """Go on with all arrays in the place of an arithmetic; loads are taken and states returned there.
 
@@ -206,9 +211,10 @@ class FlexibleWings:
         """Return where :meth:`pushed` would lead, contacts apart, without going there."""
         self._check(time, load)
         begin = self._integrator.motion
-        self._integrator.advance(time, self._mean(time, load, carried), accounted=False)
-        reached = self._integrator.motion
-        self._integrator.amend(begin)
+        try:
+            reached = self._integrator.advance(time, self._mean(time, load, carried), accounted=False)
+        finally:
+            self._integrator.amend(begin)
         return reached.configuration, self.sheet.state(reached.configuration, reached.acceleration)
 
     def state(self) -> SheetState:

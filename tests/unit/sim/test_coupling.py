@@ -252,6 +252,27 @@ def test_saved_wings_go_on_with_the_same_bits(model):
     assert motion.energies == other.energies
 
 
+def test_foreseeing_changes_nothing_but_what_is_foreseen():
+    motion = coarse("membrane").motion()
+    count = len(motion.state(0.0).x)
+    load = SheetLoad(np.full((count, 3), 1e-5), np.full(count, 1e-6))
+    before, energies = motion.save(), motion.energies
+    motion.foresee(2e-4, load)
+    after = motion.save()
+    assert motion.energies == energies
+    assert np.abs(after.pop("done.sheet") - before.pop("done.sheet")).max() > 0.0
+    assert np.abs(after.pop("done.unknowns") - before.pop("done.unknowns")).max() > 0.0
+    assert all(np.array_equal(after[name], before[name]) for name in before)
+
+
+def test_what_cannot_be_foreseen_leaves_the_wings_where_they_are():
+    motion = coarse("membrane").motion()
+    count = len(motion.state(0.0).x)
+    with pytest.raises(WorkError):
+        motion.foresee(2e-4, SheetLoad(np.full((count, 3), 1e9), np.full(count, 1e-6)))
+    assert motion.structure.time == 0.0
+
+
 def test_wings_do_not_look_back():
     motion = coarse("membrane").motion()
     count = len(motion.state(0.0).x)

@@ -2,8 +2,11 @@
 """What the card works on at the same time when it factorises: all of it once, and after what it needs."""
 
 import numpy as np
+import scipy.sparse as sp
 
+from cwmav_sim.cuda import block_lu
 from cwmav_sim.cuda.levels import Work, plan
+from cwmav_sim.wing.block_lu import BlockLU
 
 
 def walked(work):
@@ -17,6 +20,8 @@ def walked(work):
     finished, longest = set(), 0
     for piece in range(len(first_level) - 1):
         for level in range(first_level[piece], first_level[piece + 1]):
+            summed = target[first_sum[level] : first_sum[level + 1]].tolist()
+            assert len(set(summed)) == len(summed)  # two threads must not add to one target
             ended = set(done[first_done[level] : first_done[level + 1]].tolist())
             for s in range(first_sum[level], first_sum[level + 1]):
                 taken = list(range(begin[s], end[s]))
@@ -68,3 +73,17 @@ def test_pieces_have_levels_of_their_own():
     )
     assert plan(work)[0][0].tolist() == [0, 3, 5, 6]
     walked(work)
+
+
+def test_the_factors_of_films_are_planned_like_that(monkeypatch):
+    line = np.abs(np.subtract.outer(np.arange(7), np.arange(7))) <= 1
+    films = sp.block_diag([np.kron(line, line), np.kron(line[:4, :4], line)])
+    lu = BlockLU(sp.csc_matrix(sp.kron(films, np.ones((3, 3)))))
+    piece = np.repeat([0, 1], [49, 28])[lu.order]
+    seen = []
+    monkeypatch.setattr(block_lu, "plan", lambda work: seen.append(work) or plan(work))
+    block_lu._plan_blocks(lu, piece)
+    block_lu._plan_rows(lu, piece)
+    assert len(seen) == 3
+    for work in seen:
+        walked(work)

@@ -4,6 +4,7 @@
 import ctypes
 import sys
 from types import ModuleType, SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -78,6 +79,22 @@ def test_numbers_keep_their_width_and_tuples_are_their_members():
     addresses = [at for one in packed for at in one.addresses]
     found = [kind.from_address(at).value for kind, at in zip(kinds, addresses, strict=True)]
     assert found == [True, 7, 0.25, 1.5, 3, 2.5]
+
+
+class Pair(NamedTuple):
+    field: np.ndarray
+    factor: float
+
+
+def test_tuples_with_arrays_are_their_members_and_kept_by_nobody():
+    first, second = on_card((2, 3), np.float64), on_card((2, 3), np.float64)
+    found = [starting._pack((3, Pair(array, 0.5))) for array in (first, second)]
+    kinds = [ctypes.c_int64, *[ctypes.c_int64] * 9, ctypes.c_double]
+    for packed, array in zip(found, (first, second), strict=True):
+        numbers = values(packed, kinds)
+        assert (numbers[0], numbers[5], numbers[-1]) == (3, array.ctypes.data, 0.5)
+    assert found[0].kind == found[1].kind
+    assert found[0].kind != starting._pack((3, (first, 0.5))).kind
 
 
 def test_equal_tuples_of_other_types_are_not_taken_for_one():

@@ -5,12 +5,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from cwmav_sim.wing.algebra import straightened, vector_of
 from cwmav_sim.wing.connector import Connectors, Ends, Stiffness
 from cwmav_sim.wing.membrane import Membrane, plane_stress
 from cwmav_sim.wing.parts import Configuration
-from cwmav_sim.wing.rotation import compounded, exponential, logarithm, orthonormal
+from cwmav_sim.wing.rotation import compounded, exponential
 
 STEP = 1e-6
+
+
+def rows(matrix):
+    return tuple(tuple(row) for row in matrix.tolist())
 
 
 class Probe:
@@ -120,16 +125,16 @@ def test_dissipation_is_the_work_of_the_viscous_forces(probe):
 @pytest.mark.parametrize("size", [1e-9, 1e-5, 0.3, 3.0])
 def test_logarithm_inverts_exponential(size):
     vector = size * np.array([0.6, -0.64, 0.48])
-    assert_allclose(logarithm(exponential(vector)), vector, rtol=1e-9)
+    assert_allclose(vector_of(rows(exponential(vector))), vector, rtol=1e-9)
 
 
 def test_compounded_rotation_vectors():
     vector, change = np.array([0.2, -0.1, 0.15]), 1e-4 * np.array([1.0, 2.0, -1.0])
-    exact = logarithm(exponential(change) @ exponential(vector))
+    exact = vector_of(rows(exponential(change) @ exponential(vector)))
     assert_allclose(compounded(vector, change), exact, atol=3e-9)
 
 
-def test_orthonormal_removes_drift():
+def test_straightening_removes_drift():
     drifted = exponential(np.array([0.3, 0.2, 0.1])) + 1e-5
-    clean = orthonormal(drifted)
+    clean = np.array(straightened(rows(drifted)))
     assert_allclose(clean.T @ clean, np.eye(3), atol=1e-9)
