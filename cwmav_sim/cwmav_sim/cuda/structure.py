@@ -2,9 +2,9 @@
 """The structure of the wings on the card: arrays, loops with an item a thread, and numbers for the host.
 
 The loops themselves are those of the processor (:mod:`cwmav_sim.wing.arithmetic`); the compiler makes them
-anew for the card. A step of the structure starts some hundred of them, so arrays are not returned to the
-driver: room that nobody holds any more serves again. That is safe without waiting, because all work is done
-in the order in which it was started.
+anew for the card. A step of the structure starts some three hundred of them, so arrays are not returned to
+the driver: room that nobody holds any more serves again. That is safe without waiting, because all work is
+done in the order in which it was started.
 """
 
 from __future__ import annotations
