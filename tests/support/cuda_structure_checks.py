@@ -91,9 +91,9 @@ def compare(*matrices):
 
 def factors():
     """Compare solutions, also where rows know no other, and where they know all."""
-    scenes = {f"scattered.{seed}": scattered(seed) for seed in range(3)} | {
-        "films": apart(net(12, 5), net(8, 4)),
-        "full": np.ones((14, 14), dtype=bool),
+    scenes = {f"scattered.{seed}": scattered(seed) for seed in range(2)} | {
+        "films": apart(net(8, 5), net(6, 4)),
+        "full": np.ones((10, 10), dtype=bool),
         "single": np.ones((1, 1), dtype=bool),
         "apart": np.eye(5, dtype=bool),
     }
@@ -150,7 +150,7 @@ def repeated():
     return {"bits": float(len(bits) - 1)}
 
 
-def wings(model, spacing=0.03):
+def wings(model, spacing=0.04):
     """Return small wings of two panels that the air moves."""
     attitude = Attitude(frequency=12.0, angle_of_attack=0.3, airspeed=3.0)
     flexibility = Flexibility(lattice=LatticeLayout(spanwise=3, chordwise=2))
@@ -177,7 +177,7 @@ def _exchange(model, steps):
         card.settle()
         host.settle()
         t = host.structure.time + 4e-4
-        strong = 1e5 if step == 0 else 1.0  # so strong that the step must be halved
+        strong = 3e4 if step == 0 else 1.0  # so strong that the step must be halved
         for moving, bring in ((host, np.copy), (card, there.brought)):
             load = SheetLoad(bring(strong * force), bring(mass))
             moving.foresee(t, load)
@@ -204,13 +204,13 @@ def _compare_wings(host, card):
 
 def exchange_membrane():
     """Compare wings of film and rods after some steps."""
-    host, card = _exchange("membrane", 3)
+    host, card = _exchange("membrane", 2)
     return _compare_wings(host, card) | {"nothing": float(host.structure.counters.halvings == 0)}
 
 
 def exchange_lattice():
     """Compare wings of facets after some steps."""
-    return _compare_wings(*_exchange("lattice", 3))
+    return _compare_wings(*_exchange("lattice", 2))
 
 
 def room():
@@ -272,7 +272,7 @@ def _compare_hits(card):
 
 
 def steps():
-    """Compare steps of air around small flexible wings, all of it on the card or on the processor."""
+    """Compare a step of air around small flexible wings, all of it on the card or on the processor."""
     attitude = Attitude(frequency=12.0, angle_of_attack=0.3, airspeed=2.0)
     planform = WingPlanform(length=0.055, root=0.015, root_chord=0.03, straight_to=0.04)
     kinematics = Kinematics(clap_half_gap_deg=12.0)
@@ -283,12 +283,11 @@ def steps():
         moving = CoupledWings(membrane_wings(layout), Coupling(), 1.0 / 12.0)
         solvers.append((moving, build(settings, moving, 2.0)))
     (wings_host, host), (wings_card, card) = solvers
-    out = {}
-    for _ in range(2):
-        expected, found = host.step(), card.step()
-        for name in ("dt", "pressure", "viscous", "power", "moment"):
-            key = f"step.{name}"
-            out[key] = max(out.get(key, 0.0), difference(getattr(found, name), getattr(expected, name)))
+    expected, found = host.step(), card.step()
+    out = {
+        f"step.{name}": difference(getattr(found, name), getattr(expected, name))
+        for name in ("dt", "pressure", "viscous", "power", "moment")
+    }
     out |= {f"air.{q}": difference(getattr(card, q), getattr(host, q)) for q in ("position", "velocity")}
     out |= _compare_hits(card)
     out |= {f"sheet.{q}": difference(getattr(card.sheet, q), getattr(host.sheet, q)) for q in "xva"}
