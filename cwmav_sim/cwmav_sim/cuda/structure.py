@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from cwmav_sim.cuda.block_lu import CardLU
 from cwmav_sim.cuda.launch import MANY_THREADS, CardArray, Mail, clear, empty, launch, reshaped, start_blocks
+from cwmav_sim.cuda.scan import reduce_blocks
 from cwmav_sim.wing.arithmetic import Loop
 from cwmav_sim.wing.block_lu import BlockLU
 
@@ -108,10 +109,7 @@ class CardArithmetic:
         """Return the same numbers in one row; the array itself must be held as long as the row is used."""
         if values.ndim == 1:
             return values
-        row = vars(values).get("row")
-        if row is None:
-            row = values.row = reshaped(values, values.size)
-        return row
+        return _seen_as(values, "row", values.size)
 
     def run(self, loop: Loop, count: int, *args: Any) -> None:
         """Start a loop for the items 0 to ``count - 1``."""
@@ -127,7 +125,7 @@ class CardArithmetic:
 
     def total(self, values: CardArray) -> float:
         """Return the sum of numbers, shape (n,), taken in an order that never changes."""
-        start_blocks(_total, 1, values, self._found, threads=MANY_THREADS)
+        reduce_blocks(_seen_as(values, "table", 1, values.size), 0, self._found, 0)
         return float(self._found.copy_to_host()[0])
 
     def factors(self, lu: BlockLU, stored: CardArray) -> _CardFactors:
@@ -143,6 +141,15 @@ class CardArithmetic:
         card = self._lu[1]
         card.factorise(stored)
         return _CardFactors(card, self)
+
+
+def _seen_as(values: CardArray, name: str, *shape: int) -> CardArray:
+    """Return an array in another shape, kept with it under a name."""
+    found = vars(values).get(name)
+    if found is None:
+        found = reshaped(values, *shape)
+        setattr(values, name, found)
+    return found
 
 
 @cuda.jit(cache=True)
@@ -166,20 +173,3 @@ def _largest(fields, out):
 def _larger(found, value):
     """Return the larger of two numbers, or the one that is none."""
     return value if found == found and not value <= found else found
-
-
-@cuda.jit(cache=True)
-def _total(values, out):
-    """Run by one block: every thread adds up every so manieth number, the first one what the others found."""
-    part = cuda.shared.array(MANY_THREADS, nb.float64)
-    t = cuda.threadIdx.x
-    found = 0.0
-    for i in range(t, values.shape[0], MANY_THREADS):
-        found += values[i]
-    part[t] = found
-    cuda.syncthreads()
-    if t == 0:
-        found = 0.0
-        for q in range(MANY_THREADS):
-            found += part[q]
-        out[0] = found

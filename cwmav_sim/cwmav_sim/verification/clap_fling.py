@@ -62,9 +62,9 @@ class ClapAndFling:
         "the other; the gap of a sixth of the chord is 3.3 spacings; the box is 12 by 8 chords with zones "
         "that calm the air, and two wings fill more of it than one. Which of them counts is not known. At "
         "Re 32 the lift of one wing alone in translation is 0.69 to 0.70 in three runs (two starts, single "
-        "and double precision) and was 0.49 in one by a former solver, whose first 400 steps agree with these "
-        "within 2e-12 in double precision and whose other start gave 0.69; beside that one run the gain was "
-        "63 %."
+        "and double precision) and was 0.49 in one by a former solver, whose first 400 steps agree with "
+        "these within 2e-12 in double precision and whose other start gave 0.69; beside that one run the "
+        "gain was 63 %."
     )
 
     @property
